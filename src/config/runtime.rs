@@ -1,0 +1,114 @@
+/// Period, deadline and workers of the loop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimingConfig {
+    /// Sampling period T, ns. Default 80 ms; at least 200 µs.
+    pub period_ns: u64,
+    /// Commands are published this long before the end of the period, ns. `None`: a tenth of the
+    /// period, at most 2 ms.
+    pub deadline_margin_ns: Option<u64>,
+    /// Worker threads; `None`: as many as the robots and the usable cores allow.
+    pub workers: Option<usize>,
+    /// Stop after this many periods; `None`: when every robot has arrived or time is up (a built-in
+    /// run), or at a signal (a configured run).
+    pub ticks: Option<u64>,
+}
+
+impl Default for TimingConfig {
+    fn default() -> Self {
+        Self { period_ns: 80_000_000, deadline_margin_ns: None, workers: None, ticks: None }
+    }
+}
+
+impl TimingConfig {
+    /// Sampling period T, s.
+    pub fn period_s(&self) -> f64 {
+        self.period_ns as f64 * 1e-9
+    }
+
+    /// The margin between the deadline and the end of the period, ns.
+    pub fn margin_ns(&self) -> u64 {
+        self.deadline_margin_ns.unwrap_or((self.period_ns / 10).min(2_000_000))
+    }
+}
+
+/// What to do when the kernel refuses a real-time call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RealTimePolicy {
+    /// Refuse to start and say why.
+    Require,
+    /// Ask, run without what was refused, and show it as DEGRADED.
+    #[default]
+    Prefer,
+    /// Do not ask.
+    Off,
+}
+
+/// Scheduling, pinning and memory locking.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RealTimeConfig {
+    /// What to do when a call is refused.
+    pub policy: RealTimePolicy,
+    /// `SCHED_FIFO` priority of the loop thread, 1–99; workers run one below.
+    pub priority: u8,
+    /// CPU number of the loop thread; `None`: the first usable one.
+    pub loop_cpu: Option<usize>,
+    /// CPU numbers of the workers, used in turn; empty: the usable ones from the last backwards.
+    pub worker_cpus: Vec<usize>,
+    /// Lock all memory, present and future.
+    pub lock_memory: bool,
+}
+
+impl Default for RealTimeConfig {
+    fn default() -> Self {
+        Self {
+            policy: RealTimePolicy::default(),
+            priority: 80,
+            loop_cpu: None,
+            worker_cpus: Vec::new(),
+            lock_memory: true,
+        }
+    }
+}
+
+/// Where the robots' states come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SourceKind {
+    /// The exact plant inside the daemon.
+    #[default]
+    Plant,
+    /// Other processes, over the `observation` channel.
+    Observation,
+}
+
+/// The state source and what it accepts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SourceConfig {
+    /// Which source.
+    pub kind: SourceKind,
+    /// An observation older than this is stale and its robot is told to stop, ns. `None`: two
+    /// periods.
+    pub max_age_ns: Option<u64>,
+    /// Coordinates beyond this distance from the origin are out of range, m.
+    pub arena_m: f64,
+    /// How much further than `v_max` allows a position may have moved since the last good one, m.
+    pub jump_margin_m: f64,
+}
+
+impl Default for SourceConfig {
+    fn default() -> Self {
+        Self { kind: SourceKind::default(), max_age_ns: None, arena_m: 1.0e4, jump_margin_m: 0.25 }
+    }
+}
+
+/// Telemetry's queue and histograms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TelemetryConfig {
+    /// Periods that the queue to the housekeeping thread can hold; what does not fit is counted.
+    pub queue_periods: usize,
+}
+
+impl Default for TelemetryConfig {
+    fn default() -> Self {
+        Self { queue_periods: 64 }
+    }
+}

@@ -1,0 +1,37 @@
+use std::f64::consts::{PI, TAU};
+
+/// The representative of `angle_rad` in (−π, π], the interval of the paper's `wrap`.
+///
+/// Values already inside come back unchanged to the bit, so a heading that needs no wrapping is
+/// never rounded. Not finite in, NaN out.
+pub fn wrap(angle_rad: f64) -> f64 {
+    if angle_rad > -PI && angle_rad <= PI {
+        return angle_rad;
+    }
+    let r = angle_rad.rem_euclid(TAU);
+    if r > PI { r - TAU } else { r }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn boundary_belongs_to_plus_pi() {
+        assert_eq!(wrap(PI).to_bits(), PI.to_bits());
+        assert_eq!(wrap(-PI).to_bits(), PI.to_bits());
+        assert!(wrap(f64::NAN).is_nan());
+        assert!(wrap(f64::INFINITY).is_nan());
+    }
+
+    proptest! {
+        #[test]
+        fn stays_in_interval_and_on_the_circle(a in -1e6..1e6f64) {
+            let w = wrap(a);
+            prop_assert!(w > -PI && w <= PI);
+            prop_assert!((w.sin() - a.sin()).abs() < 1e-9 && (w.cos() - a.cos()).abs() < 1e-9);
+            prop_assert_eq!(wrap(w).to_bits(), w.to_bits());
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! Planar geometry of a unicycle under a zero-order hold: angles, exact arcs and the exact
+//! distance between things that move on them.
+//!
+//! World frame, metres, radians, counter-clockwise positive. Nothing here allocates.
+
+mod angle;
+mod arc;
+mod distance;
+mod shape;
+
+pub use angle::wrap;
+pub use arc::{Arc, Pose, chord_factor, sinc};
+pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_distance_arcs};
+pub use shape::{closest_point_on_segment, segment_distance};
+
+/// A point or vector in the plane, metres.
+pub type Vec2 = nalgebra::Vector2<f64>;

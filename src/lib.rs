@@ -1,0 +1,33 @@
+//! Real-time, safety-critical control for fleets of wheeled robots over shared memory.
+//!
+//! Once a period of `T` seconds every robot `i` solves a small convex programme in its input
+//! `u = (v, ω)` and the slacks `δ`:
+//!
+//! ```text
+//! minimise    ½ uᵀ R u + w_p δ_p + w_θ δ_θ + Σ_j w_r δ_rj
+//! subject to  c v + ½ T² v²            ≤ −Q_p + δ_p        arrive (FT-DCLF, position)
+//!             T sin(e) ω + ½ T² H ω²   ≤ −Q_θ + δ_θ        face the reference (FT-DCLF, heading)
+//!             a_j v                    ≤  b_j + δ_rj       keep a comfortable distance (DCBF)
+//!             g_j v                    ≤  s_j (d_j − ρ_j)   never closer than ρ_j (DCBF, no slack)
+//!             v_min ≤ v ≤ v_cap,  ω_min ≤ ω ≤ ω_max,  δ ≥ 0
+//! ```
+//!
+//! `docs/MATH.md` derives it, proves what it guarantees and lists where it departs from the paper
+//! it comes from.
+//!
+//! # One way through
+//!
+//! Data flows in one direction and each step has one module. A module uses only modules that
+//! stand before it in this list:
+//!
+//! | step | module |
+//! |---|---|
+//! | exact unicycle arcs, angles, continuous-time distance | [`geometry`] |
+//! | robots, inputs, limits, obstacles | [`model`] |
+//! | what is to be done, from a name or a file | [`scenario`] |
+//! | everything that can be set | [`config`] |
+
+pub mod config;
+pub mod geometry;
+pub mod model;
+pub mod scenario;

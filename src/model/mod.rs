@@ -1,0 +1,13 @@
+//! What is controlled: robots, their inputs and limits, and what stands in their way.
+//!
+//! Plain values in SI units and the world frame; no behaviour beyond what their invariants need.
+
+mod command;
+mod limits;
+mod obstacle;
+mod robot;
+
+pub use command::Command;
+pub use limits::Limits;
+pub use obstacle::Obstacle;
+pub use robot::{RobotId, RobotSpec};
