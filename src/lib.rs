@@ -24,6 +24,7 @@
 //! |---|---|
 //! | exact unicycle arcs, angles, continuous-time distance | [`geometry`] |
 //! | robots, inputs, limits, obstacles | [`model`] |
+//! | the records that cross shared memory | [`wire`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
 
@@ -31,3 +32,4 @@ pub mod config;
 pub mod geometry;
 pub mod model;
 pub mod scenario;
+pub mod wire;

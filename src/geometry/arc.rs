@@ -72,6 +72,7 @@ impl Arc {
     }
 
     /// The rest of the motion, seen from `s` seconds on.
+    #[must_use]
     pub fn from(&self, s: f64) -> Self {
         Self { start: self.pose(s), ..*self }
     }

@@ -3,12 +3,12 @@
 //! The relative path Δ(s) of two arcs stays within `a h²/8` of its chord on an interval of length
 //! `h`, where `a` bounds |Δ''| there. The distance from the chord is therefore both a lower and an
 //! upper bound up to that amount, and halving the intervals that can still hold the minimum closes
-//! the gap to [`RESOLUTION_M`]. Nothing is sampled: the returned interval contains the true value.
+//! the gap to `RESOLUTION_M`. Nothing is sampled: the returned interval contains the true value.
 
 use super::{Arc, Vec2, closest_point_on_segment, segment_distance};
 
 /// Width to which the bounds are refined, m.
-pub const RESOLUTION_M: f64 = 1e-12;
+const RESOLUTION_M: f64 = 1e-12;
 
 /// Halvings of the horizon after which an interval is accepted as it is.
 const MAX_DEPTH: u32 = 40;

@@ -1,0 +1,103 @@
+use crate::geometry::{Arc, Pose, Vec2};
+use crate::model::{Command, RobotId};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// Bits of [`RobotState::flags`].
+pub mod state_flags {
+    /// The pose comes from an accepted observation. Without it the pose is the last good one, the
+    /// robot is told to stop, and others keep a larger distance.
+    pub const VALID: u32 = 1;
+    /// The robot is inside the tolerance of its goal.
+    pub const ARRIVED: u32 = 1 << 1;
+}
+
+/// Header of a sample on `state`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("clearway.v1.StateHeader")]
+pub struct StateHeader {
+    /// Which run of the daemon: larger than every earlier one of this fleet.
+    pub epoch: u64,
+    /// Number k of the period, from 0 in each epoch; skipped periods leave gaps.
+    pub tick: u64,
+    /// When the state was taken, `CLOCK_MONOTONIC` ns.
+    pub stamp_ns: u64,
+    /// Scheduled start `t_k` of the period, `CLOCK_MONOTONIC` ns.
+    pub release_ns: u64,
+    /// Sampling period T, ns.
+    pub period_ns: u64,
+}
+
+/// One robot in a sample on `state`: where it is at `t_k`, and the command it holds until `t_{k+1}`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[type_name("clearway.v1.RobotState")]
+pub struct RobotState {
+    /// Id of the robot.
+    pub id: u32,
+    /// Bits of [`state_flags`].
+    pub flags: u32,
+    /// Position, m.
+    pub x_m: f64,
+    /// Position, m.
+    pub y_m: f64,
+    /// Heading, rad, in (−π, π].
+    pub theta_rad: f64,
+    /// Forward speed held over [`t_k`, `t_{k+1}`), m/s.
+    pub v_mps: f64,
+    /// Turn rate held over [`t_k`, `t_{k+1}`), rad/s.
+    pub omega_radps: f64,
+    /// Goal, m.
+    pub goal_x_m: f64,
+    /// Goal, m.
+    pub goal_y_m: f64,
+    /// Radius of the body, m.
+    pub radius_m: f64,
+}
+
+impl RobotState {
+    /// Id of the robot.
+    pub fn robot(&self) -> RobotId {
+        RobotId(self.id)
+    }
+
+    /// Pose at `t_k`.
+    pub fn pose(&self) -> Pose {
+        Pose { position_m: self.position_m(), theta_rad: self.theta_rad }
+    }
+
+    /// Position at `t_k`, m.
+    pub fn position_m(&self) -> Vec2 {
+        Vec2::new(self.x_m, self.y_m)
+    }
+
+    /// Goal, m.
+    pub fn goal_m(&self) -> Vec2 {
+        Vec2::new(self.goal_x_m, self.goal_y_m)
+    }
+
+    /// The command held over [`t_k`, `t_{k+1}`).
+    pub fn command(&self) -> Command {
+        Command { v_mps: self.v_mps, omega_radps: self.omega_radps }
+    }
+
+    /// The motion over [`t_k`, `t_{k+1}`).
+    pub fn arc(&self) -> Arc {
+        Arc { start: self.pose(), v_mps: self.v_mps, omega_radps: self.omega_radps }
+    }
+
+    /// Whether all bits of `flags` are set.
+    pub fn has(&self, flags: u32) -> bool {
+        self.flags & flags == flags
+    }
+
+    /// Replaces the pose.
+    pub fn set_pose(&mut self, pose: Pose) {
+        (self.x_m, self.y_m, self.theta_rad) = (pose.position_m.x, pose.position_m.y, pose.theta_rad);
+    }
+
+    /// Replaces the held command.
+    pub fn set_command(&mut self, command: Command) {
+        (self.v_mps, self.omega_radps) = (command.v_mps, command.omega_radps);
+    }
+}
