@@ -27,9 +27,19 @@
 //! | the records that cross shared memory | [`wire`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
+//! | real and virtual time | [`clock`] |
+//! | when periods start | [`schedule`] |
+//! | priorities, pinning, locked memory | [`realtime`] |
+//! | what a receiver of commands lets through | [`actuation`] |
+//! | robots that do what the model says | [`plant`] |
 
+pub mod actuation;
+pub mod clock;
 pub mod config;
 pub mod geometry;
 pub mod model;
+pub mod plant;
+pub mod realtime;
 pub mod scenario;
+pub mod schedule;
 pub mod wire;
