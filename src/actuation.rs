@@ -78,7 +78,12 @@ impl Gate {
     ///
     /// # Errors
     /// The reason for refusing it; what was held before stays.
-    pub fn offer(&mut self, header: &CommandHeader, command: &RobotCommand, now_ns: u64) -> Result<(), Refusal> {
+    pub fn offer(
+        &mut self,
+        header: &CommandHeader,
+        command: &RobotCommand,
+        now_ns: u64,
+    ) -> Result<(), Refusal> {
         match self.check(header, command, now_ns) {
             Ok(()) => {
                 self.accept(header, command.command(), now_ns);
@@ -120,8 +125,7 @@ impl Gate {
         }
         self.promote(now_ns);
         (self.epoch, self.tick) = (header.epoch, Some(header.tick));
-        self.pending =
-            Held { command, from_ns: header.valid_from_ns, until_ns: header.valid_until_ns };
+        self.pending = Held { command, from_ns: header.valid_from_ns, until_ns: header.valid_until_ns };
     }
 
     /// The newest command whose time has come replaces the one before it.

@@ -32,8 +32,13 @@
 //! | priorities, pinning, locked memory | [`realtime`] |
 //! | what a receiver of commands lets through | [`actuation`] |
 //! | robots that do what the model says | [`plant`] |
+//! | the channels in shared memory | [`channel`] |
+//! | what an observation must be like | [`admission`] |
+//! | where states come from | [`source`] |
 
 pub mod actuation;
+pub mod admission;
+pub mod channel;
 pub mod clock;
 pub mod config;
 pub mod geometry;
@@ -42,4 +47,5 @@ pub mod plant;
 pub mod realtime;
 pub mod scenario;
 pub mod schedule;
+pub mod source;
 pub mod wire;

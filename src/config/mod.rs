@@ -3,9 +3,11 @@
 //! One struct a concern; the modules that follow take theirs by reference. The defaults are the
 //! paper's where it gives a value. Used at start-up only.
 
+mod channel;
 mod controller;
 mod runtime;
 
+pub use channel::ChannelConfig;
 pub use controller::{ControllerConfig, Profile, SolverKind, Weights};
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
 
@@ -28,6 +30,8 @@ pub struct Config {
     pub source: SourceConfig,
     /// Queues and histograms.
     pub telemetry: TelemetryConfig,
+    /// Where the channels live and how much they hold.
+    pub channel: ChannelConfig,
 }
 
 impl Config {
@@ -41,6 +45,7 @@ impl Config {
             controller: ControllerConfig::default(),
             source: SourceConfig::default(),
             telemetry: TelemetryConfig::default(),
+            channel: ChannelConfig::default(),
         }
     }
 }

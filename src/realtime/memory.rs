@@ -19,7 +19,8 @@ pub fn lock_memory(config: &RealTimeConfig) -> Result<bool, String> {
     if config.policy == RealTimePolicy::Off || !config.lock_memory {
         return Ok(false);
     }
-    let advice = "grant CAP_IPC_LOCK, or lift the limit (`ulimit -l unlimited`, LimitMEMLOCK=infinity in the unit)";
+    let advice =
+        "grant CAP_IPC_LOCK, or lift the limit (`ulimit -l unlimited`, LimitMEMLOCK=infinity in the unit)";
     let privileged = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
     if let Some(limit) = getrlimit(Resource::Memlock).current
         && !privileged

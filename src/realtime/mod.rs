@@ -123,7 +123,12 @@ mod tests {
     fn a_refusal_fails_require_and_is_kept() {
         let mut achieved = Achieved::default();
         achieved.add_memory(Err("memory".into()));
-        achieved.add_thread(ThreadGrant { policy: "fifo", priority: 9, cpu: Some(1), refused: vec!["x".into()] });
+        achieved.add_thread(ThreadGrant {
+            policy: "fifo",
+            priority: 9,
+            cpu: Some(1),
+            refused: vec!["x".into()],
+        });
         assert_eq!((achieved.policy, achieved.priority), ("fifo", 9));
         assert_eq!(achieved.degraded, ["memory", "x"]);
         assert!(achieved.satisfies(RealTimePolicy::Prefer));
