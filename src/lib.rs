@@ -27,9 +27,17 @@
 //! | the records that cross shared memory | [`wire`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
+//! | Lyapunov decreases and barrier rows | [`certificate`] |
+//! | the programme and its solution | [`programme`] |
+//! | the exact solver and Clarabel | [`solver`] |
+//! | the optimality conditions, checked | [`verify`] |
 
+pub mod certificate;
 pub mod config;
 pub mod geometry;
 pub mod model;
+pub mod programme;
 pub mod scenario;
+pub mod solver;
+pub mod verify;
 pub mod wire;
