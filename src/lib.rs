@@ -27,6 +27,11 @@
 //! | the records that cross shared memory | [`wire`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
+//! | Lyapunov decreases and barrier rows | [`certificate`] |
+//! | the programme and its solution | [`programme`] |
+//! | the exact solver and Clarabel | [`solver`] |
+//! | the optimality conditions, checked | [`verify`] |
+//! | clearance, arrival, effort of a run | [`figures`] |
 //! | real and virtual time | [`clock`] |
 //! | when periods start | [`schedule`] |
 //! | priorities, pinning, locked memory | [`realtime`] |
@@ -35,17 +40,28 @@
 //! | the channels in shared memory | [`channel`] |
 //! | what an observation must be like | [`admission`] |
 //! | where states come from | [`source`] |
+//! | records, queues, histograms | [`telemetry`] |
+//! | the loop, the workers and what keeps house | [`runtime`] |
+//! | what a run is judged by | [`report`] |
 
 pub mod actuation;
 pub mod admission;
+pub mod certificate;
 pub mod channel;
 pub mod clock;
 pub mod config;
+pub mod figures;
 pub mod geometry;
 pub mod model;
 pub mod plant;
+pub mod programme;
 pub mod realtime;
+pub mod report;
+pub mod runtime;
 pub mod scenario;
 pub mod schedule;
+pub mod solver;
 pub mod source;
+pub mod telemetry;
+pub mod verify;
 pub mod wire;

@@ -119,7 +119,8 @@ impl Admission {
             if sequence < known.sequence {
                 return Err(Rejection::Reordered);
             }
-            self.rejections.skipped_samples += sequence - known.sequence - 1;
+            let skipped = sequence - known.sequence - 1;
+            self.rejections.skipped_samples = self.rejections.skipped_samples.saturating_add(skipped);
             (known.sequence, known.heard_ns) = (sequence, now_ns);
             return Ok(());
         }

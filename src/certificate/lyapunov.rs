@@ -1,0 +1,226 @@
+use crate::config::{ControllerConfig, Profile};
+
+/// The finite-time decrease of Definition 2: Q(V) = min{V, c₃ V^α}.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FiniteTime {
+    /// Gain c₃ > 0.
+    pub c3: f64,
+    /// Exponent α in (0, 1).
+    pub alpha: f64,
+}
+
+impl FiniteTime {
+    /// Q(V). Zero at V = 0 and never above V.
+    pub fn decrease(&self, v: f64) -> f64 {
+        v.min(self.c3 * v.powf(self.alpha))
+    }
+
+    /// r⋆ = c₃^{1/(1−α)}: from here one step is to reach zero (Theorem 2).
+    pub fn capture_radius(&self) -> f64 {
+        self.c3.powf(1.0 / (1.0 - self.alpha))
+    }
+
+    /// The closed-form bound (14) on the settling step of z ← z − Q(z) from `v0`; `None` where its
+    /// logarithm has no finite value.
+    pub fn settling_bound(&self, v0: f64) -> Option<u64> {
+        let capture = self.capture_radius();
+        if v0 <= capture {
+            return Some(1);
+        }
+        let ratio = 1.0 - self.c3 * v0.powf(self.alpha - 1.0);
+        let steps = ((v0 / capture).ln() / -ratio.ln()).ceil() + 1.0;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked on this line
+        (steps.is_finite() && steps < 1e18).then_some(steps as u64)
+    }
+}
+
+/// How much a certificate asks its Lyapunov function to fall in one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Decrease {
+    /// min{V, c₃V^α}, and no more than the input limits can deliver.
+    FiniteTime {
+        /// The unsaturated Q.
+        law: FiniteTime,
+        /// Share η of the reachable decrease that is asked for.
+        alignment: f64,
+    },
+    /// min{V, c₃V^α} as printed, whatever the inputs can deliver.
+    Printed(FiniteTime),
+    /// c₃V: the exponential baseline.
+    Exponential {
+        /// Rate c₃ in (0, 1).
+        c3: f64,
+    },
+}
+
+impl Decrease {
+    /// The decrease that a profile asks for.
+    pub fn of(config: &ControllerConfig) -> Self {
+        let law = FiniteTime { c3: config.c3, alpha: config.alpha };
+        match config.profile {
+            Profile::Certified => Self::FiniteTime { law, alignment: config.alignment },
+            Profile::Paper => Self::Printed(law),
+            Profile::Exponential => Self::Exponential { c3: config.c3 },
+        }
+    }
+
+    /// Q_p for the distance `d_m` to the goal when one step covers at most `reach_m`, m².
+    pub fn position(&self, d_m: f64, reach_m: f64) -> f64 {
+        let v = 0.5 * d_m * d_m;
+        match *self {
+            Self::FiniteTime { law, alignment } => {
+                let rest = (d_m - reach_m * alignment).max(0.0);
+                law.decrease(v).min(v - 0.5 * rest * rest)
+            }
+            Self::Printed(law) => law.decrease(v),
+            Self::Exponential { c3 } => c3 * v,
+        }
+    }
+
+    /// Q_θ for the heading error `e_rad` when one step turns at most `reach_rad`.
+    pub fn heading(&self, e_rad: f64, reach_rad: f64) -> f64 {
+        let v = 1.0 - e_rad.cos();
+        match *self {
+            Self::FiniteTime { law, alignment } => {
+                let rest = (e_rad.abs() - reach_rad * alignment).max(0.0);
+                law.decrease(v).min(v - (1.0 - rest.cos()))
+            }
+            Self::Printed(law) => law.decrease(v),
+            Self::Exponential { c3 } => c3 * v,
+        }
+    }
+
+    /// Steps that the scalar recursion of the position certificate needs from a distance `d_m` to
+    /// inside `tolerance_m`, at most `limit`: exact where (14) is only a bound. `None`: more than
+    /// `limit`.
+    pub fn settling_steps(&self, d_m: f64, reach_m: f64, tolerance_m: f64, limit: u32) -> Option<u32> {
+        let (mut z, end) = (0.5 * d_m * d_m, 0.5 * tolerance_m * tolerance_m);
+        for step in 0..=limit {
+            if z <= end {
+                return Some(step);
+            }
+            z = (z - self.position((2.0 * z).sqrt(), reach_m)).max(0.0);
+        }
+        None
+    }
+}
+
+/// The coefficients of (28): linear·v + ½ curvature·v² ≤ −decrease + δ_p.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionCertificate {
+    /// V_p = ½ d², m².
+    pub lyapunov_m2: f64,
+    /// c = T (p − p_ref)·h, m s.
+    pub linear: f64,
+    /// T², s².
+    pub curvature: f64,
+    /// Q_p, m².
+    pub decrease_m2: f64,
+}
+
+impl PositionCertificate {
+    /// `offset_m` = p_ref − p as (along the heading, distance): its component along h and its norm.
+    pub fn new(along_m: f64, d_m: f64, period_s: f64, v_max_mps: f64, decrease: &Decrease) -> Self {
+        Self {
+            lyapunov_m2: 0.5 * d_m * d_m,
+            linear: -period_s * along_m,
+            curvature: period_s * period_s,
+            decrease_m2: decrease.position(d_m, v_max_mps * period_s),
+        }
+    }
+}
+
+/// The coefficients of (31): linear·ω + ½ curvature·ω² ≤ −decrease + δ_θ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeadingCertificate {
+    /// V_θ = 1 − cos e.
+    pub lyapunov: f64,
+    /// T sin e, s.
+    pub linear: f64,
+    /// T² H, s².
+    pub curvature: f64,
+    /// Q_θ.
+    pub decrease: f64,
+}
+
+impl HeadingCertificate {
+    /// The certificate at the heading error `e_rad` in (−π, π].
+    ///
+    /// H = max(0, cos(max(0, |e| − ω_max T))) bounds the second derivative of 1 − cos(e + Tω) over
+    /// every |ω| ≤ ω_max, so the row implies the true decrease. The printed √cos e is imaginary
+    /// beyond a right angle, and a Taylor value rather than a bound before it.
+    pub fn new(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
+        let reach_rad = turn_rate_radps * period_s;
+        let h = (e_rad.abs() - reach_rad).max(0.0).cos().max(0.0);
+        Self {
+            lyapunov: 1.0 - e_rad.cos(),
+            linear: period_s * e_rad.sin(),
+            curvature: period_s * period_s * h,
+            decrease: decrease.heading(e_rad, reach_rad),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn certified() -> Decrease {
+        Decrease::of(&ControllerConfig::default())
+    }
+
+    proptest! {
+        /// (14) holds for the recursion (15), over gains, exponents and starts.
+        #[test]
+        fn settling_bound_holds_for_the_recursion(c3 in 0.05..0.95f64, alpha in 0.05..0.95f64, log_v0 in -4.0..3.0f64) {
+            let law = FiniteTime { c3, alpha };
+            let mut z = 10f64.powf(log_v0);
+            if let Some(bound) = law.settling_bound(z).filter(|b| *b < 1_000_000) {
+                for _ in 0..bound {
+                    z -= law.decrease(z);
+                }
+                prop_assert!(z <= 0.0, "left {z} after {bound} steps");
+            }
+        }
+
+        /// An aligned robot that nothing holds back meets (28) without slack at some admissible v.
+        #[test]
+        fn saturated_decrease_is_reachable(d in 0.0..2000.0f64) {
+            let (t, v_max) = (0.08, 5.0);
+            let row = PositionCertificate::new(d, d, t, v_max, &certified());
+            let v = (d / t).min(v_max);
+            let left = row.linear * v + 0.5 * row.curvature * v * v + row.decrease_m2;
+            prop_assert!(left <= 1e-12 * (1.0 + d * d), "slack {left}");
+        }
+
+        /// The heading row implies the true fall of 1 − cos e for every admissible turn rate.
+        #[test]
+        fn heading_row_is_an_upper_bound(e in -3.14159..3.14159f64, omega in -1.0..1.0f64) {
+            let t = 0.08;
+            let row = HeadingCertificate::new(e, t, 1.0, &certified());
+            let change = (1.0 - (e + t * omega).cos()) - (1.0 - e.cos());
+            prop_assert!(change <= row.linear * omega + 0.5 * row.curvature * omega * omega + 1e-15);
+        }
+    }
+
+    /// The printed certificate cannot be met at the paper's own start: it asks for 6.7 m/s.
+    #[test]
+    fn printed_decrease_is_out_of_reach_at_the_papers_start() {
+        let (d, t) = (9.5, 0.08);
+        let q = Decrease::Printed(FiniteTime { c3: 0.5, alpha: 0.6 }).position(d, 0.4);
+        // The smallest v with −T d v + ½T²v² ≤ −Q.
+        let v = (d - (d * d - 2.0 * q).sqrt()) / t;
+        assert!((6.6..6.8).contains(&v), "{v}");
+        let capture = FiniteTime { c3: 0.5, alpha: 0.6 }.capture_radius();
+        assert!(((2.0 * capture).sqrt() - 0.595).abs() < 1e-3, "one step is asked to cover 0.595 m");
+    }
+
+    #[test]
+    fn settling_steps_count_full_speed_steps() {
+        // 9.5 m at 0.4 m a step: 23 full steps and a rest.
+        assert_eq!(certified().settling_steps(9.5, 0.4, 0.05, 1000), Some(24));
+        assert_eq!(certified().settling_steps(0.01, 0.4, 0.05, 1000), Some(0));
+        assert_eq!(certified().settling_steps(1e6, 0.4, 0.05, 10), None);
+    }
+}

@@ -1,0 +1,160 @@
+use super::piecewise::Piecewise;
+use super::{Outcome, Solver};
+use crate::programme::{Interval, Programme, Row, Solution};
+
+/// The closed-form solver.
+///
+/// Separates the programme into its two scalar problems, walks their breakpoints, and reads the
+/// multipliers off the one-sided derivatives. Worst case quadratic in the number of rows, typically
+/// one evaluation. Never allocates when the solution was built with the programme's capacity.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ExactSolver;
+
+impl Solver for ExactSolver {
+    fn solve(&mut self, programme: &Programme, solution: &mut Solution) -> Outcome {
+        if !programme.is_well_posed() {
+            return Outcome::IllPosed;
+        }
+        solve_within(programme, solution, EVERYWHERE, EVERYWHERE);
+        Outcome::Solved
+    }
+}
+
+/// A force on an end of the trust interval this small against its terms is their rounding.
+const ROUNDING: f64 = 1e-9;
+
+const EVERYWHERE: Interval = Interval { min: f64::NEG_INFINITY, max: f64::INFINITY };
+
+/// The minimiser with v and ω looked for in `v_trust` and `omega_trust` only; false when it would
+/// lie outside of them, and `solution` is then not to be used.
+pub(super) fn solve_within(
+    programme: &Programme,
+    solution: &mut Solution,
+    v_trust: Interval,
+    omega_trust: Interval,
+) -> bool {
+    solution.reset(programme.comfort.len(), programme.safety.len());
+    solve_v(programme, solution, v_trust) && solve_omega(programme, solution, omega_trust)
+}
+
+fn solve_v(programme: &Programme, solution: &mut Solution, trust: Interval) -> bool {
+    let w = &programme.weights;
+    let ends = Ends::of(programme.v_mps, &programme.safety, trust);
+    let problem = Piecewise {
+        effort: w.v,
+        weight: w.position,
+        certificate: programme.position,
+        row_weight: w.comfort,
+        rows: &programme.comfort,
+        lo: ends.interval.min,
+        hi: ends.interval.max,
+    };
+    let minimum = problem.minimise();
+    let v = minimum.x;
+    solution.v_mps = v;
+    solution.dual_position = problem.multipliers(&minimum, &mut solution.dual_comfort);
+    solution.slack_position = programme.position.excess(v).max(0.0);
+    for (slack, row) in solution.slack_comfort.iter_mut().zip(&programme.comfort) {
+        *slack = row.excess(v).max(0.0);
+    }
+    let comfort: f64 =
+        solution.dual_comfort.iter().zip(&programme.comfort).map(|(d, r)| d * r.coefficient).sum();
+    let certificate = solution.dual_position * programme.position.slope(v);
+    let force = w.v * v + certificate + comfort;
+    match ends.holding(v, force) {
+        None => true,
+        Some(Binding::Safety(k)) => {
+            solution.dual_safety[k] = -force / programme.safety[k].coefficient;
+            true
+        }
+        Some(Binding::Limit) => {
+            solution.dual_v = [force.max(0.0), (-force).max(0.0)];
+            true
+        }
+        Some(Binding::Trust) => force.abs() <= ROUNDING * (1.0 + certificate.abs() + comfort.abs()),
+    }
+}
+
+fn solve_omega(programme: &Programme, solution: &mut Solution, trust: Interval) -> bool {
+    let w = &programme.weights;
+    let ends = Ends::of(programme.omega_radps, &[], trust);
+    let problem = Piecewise {
+        effort: w.omega,
+        weight: w.heading,
+        certificate: programme.heading,
+        row_weight: 1.0,
+        rows: &[],
+        lo: ends.interval.min,
+        hi: ends.interval.max,
+    };
+    let minimum = problem.minimise();
+    let omega = minimum.x;
+    solution.omega_radps = omega;
+    solution.dual_heading = problem.multipliers(&minimum, &mut []);
+    solution.slack_heading = programme.heading.excess(omega).max(0.0);
+    let certificate = solution.dual_heading * programme.heading.slope(omega);
+    let force = w.omega * omega + certificate;
+    match ends.holding(omega, force) {
+        None => true,
+        Some(Binding::Trust) => force.abs() <= ROUNDING * (1.0 + certificate.abs()),
+        Some(_) => {
+            solution.dual_omega = [force.max(0.0), (-force).max(0.0)];
+            true
+        }
+    }
+}
+
+/// What bounds an input from one side.
+#[derive(Debug, Clone, Copy)]
+enum Binding {
+    Limit,
+    Safety(usize),
+    Trust,
+}
+
+/// The interval that the limits, the safety rows and the trust interval leave, and what is at its
+/// ends.
+struct Ends {
+    interval: Interval,
+    lower: Binding,
+    upper: Binding,
+}
+
+impl Ends {
+    fn of(limits: Interval, safety: &[Row], trust: Interval) -> Self {
+        let mut ends = Self { interval: limits, lower: Binding::Limit, upper: Binding::Limit };
+        for (k, row) in safety.iter().enumerate() {
+            if row.coefficient > 0.0 {
+                ends.below(row.bound / row.coefficient, Binding::Safety(k));
+            } else if row.coefficient < 0.0 {
+                ends.above(row.bound / row.coefficient, Binding::Safety(k));
+            }
+        }
+        ends.below(trust.max, Binding::Trust);
+        ends.above(trust.min, Binding::Trust);
+        ends
+    }
+
+    fn below(&mut self, end: f64, binding: Binding) {
+        if end < self.interval.max {
+            (self.interval.max, self.upper) = (end, binding);
+        }
+    }
+
+    fn above(&mut self, end: f64, binding: Binding) {
+        if end > self.interval.min {
+            (self.interval.min, self.lower) = (end, binding);
+        }
+    }
+
+    /// What holds back the derivative `force` of the Lagrangian at `x`; `None` inside the interval.
+    fn holding(&self, x: f64, force: f64) -> Option<Binding> {
+        if x >= self.interval.max && force < 0.0 {
+            Some(self.upper)
+        } else if x <= self.interval.min && force > 0.0 {
+            Some(self.lower)
+        } else {
+            None
+        }
+    }
+}

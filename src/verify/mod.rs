@@ -1,0 +1,158 @@
+//! Verification: no solution becomes a command before it has passed here.
+//!
+//! Written apart from the solvers, from the optimality conditions alone: [`Residuals`] checks
+//! primal feasibility, dual feasibility, complementarity and stationarity of a solution of a
+//! [`Programme`]. The controller checks the safety rows a second time against the bodies themselves,
+//! with the exact motion of the command that is about to go out. Nothing here allocates.
+
+use crate::programme::{Certificate, Interval, Programme, Solution};
+
+/// Largest relative violation of each optimality condition. All are 0 at an exact solution.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Residuals {
+    /// Of the rows, the bounds and δ ≥ 0.
+    pub primal: f64,
+    /// Of the signs of the multipliers.
+    pub dual: f64,
+    /// Of multiplier × distance to the row = 0.
+    pub complementarity: f64,
+    /// Of the gradient of the Lagrangian.
+    pub stationarity: f64,
+}
+
+impl Residuals {
+    /// The residuals of `solution`; +∞ where a number is not finite or a length does not match.
+    pub fn of(programme: &Programme, solution: &Solution) -> Self {
+        if solution.slack_comfort.len() != programme.comfort.len()
+            || solution.dual_comfort.len() != programme.comfort.len()
+            || solution.dual_safety.len() != programme.safety.len()
+        {
+            return Self::REFUSED;
+        }
+        let mut check = Check::default();
+        check.v(programme, solution);
+        check.omega(programme, solution);
+        check.residuals
+    }
+
+    /// The largest of the four.
+    pub fn max(&self) -> f64 {
+        self.primal.max(self.dual).max(self.complementarity).max(self.stationarity)
+    }
+
+    const REFUSED: Self = Self {
+        primal: f64::INFINITY,
+        dual: f64::INFINITY,
+        complementarity: f64::INFINITY,
+        stationarity: f64::INFINITY,
+    };
+}
+
+#[derive(Default)]
+struct Check {
+    residuals: Residuals,
+}
+
+/// `value` against `scale`; anything not finite counts as infinitely wrong.
+fn relative(value: f64, scale: f64) -> f64 {
+    let r = value / (1.0 + scale);
+    if r.is_finite() { r } else { f64::INFINITY }
+}
+
+/// Gradient of a Lagrangian, summed with the size of its terms.
+#[derive(Default)]
+struct Gradient {
+    sum: f64,
+    scale: f64,
+}
+
+impl Gradient {
+    fn add(&mut self, term: f64) {
+        self.sum += term;
+        self.scale += term.abs();
+    }
+}
+
+impl Check {
+    /// A row `excess ≤ slack` with multiplier `dual` in [0, weight]; `scale` is the row's size.
+    fn soft_row(&mut self, excess: f64, slack: f64, dual: f64, weight: f64, scale: f64) {
+        let r = &mut self.residuals;
+        r.primal = r.primal.max(relative((excess - slack).max(-slack).max(0.0), scale));
+        r.dual = r.dual.max(relative((-dual).max(dual - weight).max(0.0), weight));
+        // Both multipliers, λ of the row and w − λ of δ ≥ 0, against their distances.
+        let products = (dual * (excess - slack)).abs().max(((weight - dual) * slack).abs());
+        r.complementarity = r.complementarity.max(relative(products, weight * (1.0 + scale)));
+        self.refuse_nan(excess + slack + dual);
+    }
+
+    /// A row `excess ≤ 0` with multiplier `dual` ≥ 0.
+    fn hard_row(&mut self, excess: f64, dual: f64, scale: f64) {
+        let r = &mut self.residuals;
+        r.primal = r.primal.max(relative(excess.max(0.0), scale));
+        r.dual = r.dual.max(relative((-dual).max(0.0), dual.abs()));
+        r.complementarity =
+            r.complementarity.max(relative((dual * excess).abs(), dual.abs() * (1.0 + scale)));
+        self.refuse_nan(excess + dual);
+    }
+
+    fn bounds(&mut self, x: f64, interval: Interval, duals: [f64; 2], gradient: &mut Gradient) {
+        self.hard_row(interval.min - x, duals[0], interval.min.abs());
+        self.hard_row(x - interval.max, duals[1], interval.max.abs());
+        gradient.add(-duals[0]);
+        gradient.add(duals[1]);
+    }
+
+    fn certificate(
+        &mut self,
+        c: Certificate,
+        x: f64,
+        slack: f64,
+        dual: f64,
+        weight: f64,
+        gradient: &mut Gradient,
+    ) {
+        let scale = (c.linear * x).abs() + 0.5 * c.curvature * x * x + c.decrease.abs();
+        self.soft_row(c.excess(x), slack, dual, weight, scale);
+        gradient.add(dual * c.linear);
+        gradient.add(dual * c.curvature * x);
+    }
+
+    fn v(&mut self, programme: &Programme, s: &Solution) {
+        let (w, v) = (&programme.weights, s.v_mps);
+        let mut gradient = Gradient::default();
+        gradient.add(w.v * v);
+        self.certificate(programme.position, v, s.slack_position, s.dual_position, w.position, &mut gradient);
+        for ((row, slack), dual) in programme.comfort.iter().zip(&s.slack_comfort).zip(&s.dual_comfort) {
+            let scale = (row.coefficient * v).abs() + row.bound.abs();
+            self.soft_row(row.excess(v), *slack, *dual, w.comfort, scale);
+            gradient.add(dual * row.coefficient);
+        }
+        for (row, dual) in programme.safety.iter().zip(&s.dual_safety) {
+            self.hard_row(row.excess(v), *dual, (row.coefficient * v).abs() + row.bound.abs());
+            gradient.add(dual * row.coefficient);
+        }
+        self.bounds(v, programme.v_mps, s.dual_v, &mut gradient);
+        self.stationary(&gradient);
+    }
+
+    fn omega(&mut self, programme: &Programme, s: &Solution) {
+        let (w, omega) = (&programme.weights, s.omega_radps);
+        let mut gradient = Gradient::default();
+        gradient.add(w.omega * omega);
+        self.certificate(programme.heading, omega, s.slack_heading, s.dual_heading, w.heading, &mut gradient);
+        self.bounds(omega, programme.omega_radps, s.dual_omega, &mut gradient);
+        self.stationary(&gradient);
+    }
+
+    fn stationary(&mut self, gradient: &Gradient) {
+        let r = &mut self.residuals;
+        r.stationarity = r.stationarity.max(relative(gradient.sum.abs(), gradient.scale));
+    }
+
+    /// `f64::max` forgets NaN; this does not.
+    fn refuse_nan(&mut self, probe: f64) {
+        if !probe.is_finite() {
+            self.residuals = Residuals::REFUSED;
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! One conformance suite, run against every solver.
+
+use clearway::config::Weights;
+use clearway::programme::{Certificate, Interval, Programme, Row, Solution};
+use clearway::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
+use clearway::verify::Residuals;
+
+const CAPACITY: usize = 16;
+
+/// SplitMix64: the draws are the same on every machine.
+struct Draw(u64);
+
+impl Draw {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+    fn between(&mut self, lo: f64, hi: f64) -> f64 {
+        lo + (hi - lo) * self.unit()
+    }
+    fn chance(&mut self, p: f64) -> bool {
+        self.unit() < p
+    }
+}
+
+/// A programme as the controller builds them, with the degenerate ones over-represented.
+fn random_programme(draw: &mut Draw) -> Programme {
+    let t = 0.08;
+    let mut p = Programme::with_capacity(Weights::default(), CAPACITY);
+    let d = if draw.chance(0.1) { 0.0 } else { 10f64.powf(draw.between(-3.0, 1.5)) };
+    let align = if draw.chance(0.3) { 1.0 } else { draw.between(-1.0, 1.0) };
+    let v = 0.5 * d * d;
+    let q = if draw.chance(0.2) { v } else { draw.unit() * v };
+    p.position = Certificate { linear: -t * d * align, curvature: t * t, decrease: q };
+    let e = if draw.chance(0.1) { 0.0 } else { draw.between(-3.1, 3.1) };
+    let h = (e.abs() - t).max(0.0).cos().max(0.0);
+    p.heading =
+        Certificate { linear: t * e.sin(), curvature: t * t * h, decrease: draw.unit() * (1.0 - e.cos()) };
+    let cap = if draw.chance(0.05) { 0.0 } else { draw.between(0.0, 5.0) };
+    let reverse = if draw.chance(0.2) { -draw.between(0.0, 2.0) } else { 0.0 };
+    p.v_mps = Interval { min: reverse, max: if draw.chance(0.5) { 5.0 } else { cap } };
+    p.omega_radps = Interval { min: -1.0, max: 1.0 };
+    let rows = draw.next() % 12;
+    let (mut last, mut first) = (Row::default(), true);
+    for _ in 0..rows {
+        let gap = if draw.chance(0.05) { 0.0 } else { 10f64.powf(draw.between(-4.0, 0.5)) };
+        let mut row = Row { coefficient: t * draw.between(-1.0, 1.0), bound: 0.3 * gap };
+        if !first && draw.chance(0.1) {
+            row = last; // coincident breakpoints
+        }
+        if draw.chance(0.05) {
+            row.coefficient = 0.0;
+        }
+        (last, first) = (row, false);
+        assert!(p.push_comfort(row));
+        if draw.chance(0.7) {
+            assert!(p.push_safety(Row { bound: row.bound / 0.6, ..row }));
+        }
+    }
+    p
+}
+
+/// `programme` with its v-part or its ω-part in other units: the minimiser does not move.
+fn rescaled(p: &Programme, factor: f64) -> Programme {
+    let mut q = p.clone();
+    let scale = |c: Certificate| Certificate {
+        linear: c.linear * factor,
+        curvature: c.curvature * factor,
+        decrease: c.decrease * factor,
+    };
+    (q.position, q.heading) = (scale(p.position), scale(p.heading));
+    q.weights.position /= factor;
+    q.weights.heading /= factor;
+    q.weights.comfort /= factor;
+    for row in q.comfort.iter_mut().chain(&mut q.safety) {
+        *row = Row { coefficient: row.coefficient * factor, bound: row.bound * factor };
+    }
+    q
+}
+
+/// Largest disagreement over a set of programmes.
+#[derive(Default, Debug)]
+struct Worst {
+    objective_rel: f64,
+    input: f64,
+    kkt: f64,
+    not_solved: usize,
+}
+
+impl Worst {
+    fn add(&mut self, p: &Programme, reference: &Solution, other: &Solution) {
+        let value = |s: &Solution| p.objective(s.v_mps, s.omega_radps);
+        let (a, b) = (value(reference), value(other));
+        self.objective_rel = self.objective_rel.max((a - b).abs() / (1.0 + a.abs()));
+        let gap =
+            (reference.v_mps - other.v_mps).abs().max((reference.omega_radps - other.omega_radps).abs());
+        self.input = self.input.max(gap);
+        self.kkt = self.kkt.max(Residuals::of(p, other).max());
+    }
+}
+
+/// Compares Clarabel, as it is and with its last digits polished, with the exact solver.
+fn compare(count: usize, seed: u64, mut next: impl FnMut(&mut Draw) -> Programme) -> (Worst, Worst) {
+    let mut draw = Draw(seed);
+    let mut raw = ClarabelSolver::new(CAPACITY).unwrap().without_polish();
+    let mut polished = ClarabelSolver::new(CAPACITY).unwrap();
+    let [mut a, mut b, mut c] = [(); 3].map(|()| Solution::with_capacity(CAPACITY));
+    let (mut worst_raw, mut worst_polished) = (Worst::default(), Worst::default());
+    for _ in 0..count {
+        let p = next(&mut draw);
+        assert_eq!(ExactSolver.solve(&p, &mut a), Outcome::Solved);
+        if raw.solve(&p, &mut b) == Outcome::Solved {
+            worst_raw.add(&p, &a, &b);
+            assert_eq!(polished.solve(&p, &mut c), Outcome::Solved);
+            worst_polished.add(&p, &a, &c);
+        } else {
+            worst_raw.not_solved += 1;
+        }
+    }
+    (worst_raw, worst_polished)
+}
+
+#[test]
+fn clarabel_agrees_with_the_exact_solver_on_random_and_degenerate_data() {
+    let (raw, polished) = compare(20_000, 1, random_programme);
+    println!("raw {raw:?}\npolished {polished:?}");
+    assert_eq!(raw.not_solved, 0);
+    assert!(raw.objective_rel < 1e-6 && raw.input < 1e-3, "{raw:?}");
+    assert!(polished.objective_rel < 1e-6 && polished.input < 1e-6 && polished.kkt < 1e-9, "{polished:?}");
+}
+
+#[test]
+fn solvers_agree_when_the_data_are_scaled() {
+    for factor in [1e-6, 1e-3, 1e3, 1e6] {
+        let (raw, polished) = compare(2_000, 7, |draw| rescaled(&random_programme(draw), factor));
+        println!("{factor:e} raw {raw:?} polished {polished:?}");
+        assert_eq!(raw.not_solved, 0, "{factor:e}");
+        assert!(polished.objective_rel < 1e-6 && polished.input < 1e-6, "{factor:e} {polished:?}");
+    }
+}
+
+#[test]
+fn exact_solver_meets_the_optimality_conditions() {
+    let mut draw = Draw(2);
+    let mut s = Solution::with_capacity(CAPACITY);
+    for _ in 0..300_000 {
+        let p = random_programme(&mut draw);
+        assert_eq!(ExactSolver.solve(&p, &mut s), Outcome::Solved);
+        let kkt = Residuals::of(&p, &s);
+        assert!(kkt.max() < 1e-9, "{kkt:?} {p:?} {s:?}");
+    }
+}
+
+/// Convexity makes a local check a global one: no admissible step away from the solution helps.
+#[test]
+fn no_neighbouring_input_is_better() {
+    let mut draw = Draw(3);
+    let mut s = Solution::with_capacity(CAPACITY);
+    for _ in 0..20_000 {
+        let p = random_programme(&mut draw);
+        assert_eq!(ExactSolver.solve(&p, &mut s), Outcome::Solved);
+        let best = p.objective(s.v_mps, s.omega_radps);
+        let (v, omega) = (p.admissible_v(), p.omega_radps);
+        for step in [1e-1, 1e-3, 1e-5] {
+            for (dv, dw) in [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)] {
+                let other = p.objective(
+                    (s.v_mps + dv).clamp(v.min, v.max),
+                    (s.omega_radps + dw).clamp(omega.min, omega.max),
+                );
+                assert!(other >= best - 1e-9 * (1.0 + best.abs()), "{other} < {best}: {p:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_solver_returns_the_same_bits_again() {
+    let mut draw = Draw(4);
+    let mut clarabel = ClarabelSolver::new(CAPACITY).unwrap();
+    let programmes: Vec<Programme> = (0..500).map(|_| random_programme(&mut draw)).collect();
+    let run = |solver: &mut dyn Solver| -> Vec<Solution> {
+        let mut s = Solution::with_capacity(CAPACITY);
+        programmes
+            .iter()
+            .map(|p| {
+                assert_eq!(solver.solve(p, &mut s), Outcome::Solved);
+                s.clone()
+            })
+            .collect()
+    };
+    assert_eq!(run(&mut ExactSolver), run(&mut ExactSolver));
+    assert_eq!(run(&mut clarabel), run(&mut clarabel));
+}
+
+#[test]
+fn ill_posed_data_are_declined_by_every_solver() {
+    let good = random_programme(&mut Draw(5));
+    let mut bad = Vec::new();
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut with = |change: &dyn Fn(&mut Programme)| {
+            let mut p = good.clone();
+            change(&mut p);
+            bad.push(p);
+        };
+        with(&|p| p.position.linear = value);
+        with(&|p| p.heading.decrease = value);
+        with(&|p| p.v_mps.max = value);
+        with(&|p| p.weights.v = value);
+        with(&|p| {
+            p.clear_rows();
+            assert!(p.push_safety(Row { coefficient: value, bound: 1.0 }));
+        });
+    }
+    let mut negative = good.clone();
+    negative.v_mps.min = 0.5; // a stop would not be admissible
+    bad.push(negative);
+    let mut s = Solution::with_capacity(CAPACITY);
+    let mut clarabel = ClarabelSolver::new(CAPACITY).unwrap();
+    for p in bad {
+        assert_eq!(ExactSolver.solve(&p, &mut s), Outcome::IllPosed, "{p:?}");
+        assert_eq!(clarabel.solve(&p, &mut s), Outcome::IllPosed, "{p:?}");
+    }
+}
+
+#[test]
+fn a_programme_larger_than_the_workspace_is_declined() {
+    let mut p = Programme::with_capacity(Weights::default(), CAPACITY);
+    for _ in 0..CAPACITY {
+        assert!(p.push_comfort(Row { coefficient: 0.08, bound: 1.0 }));
+    }
+    assert!(!p.push_comfort(Row::default()), "the list never grows");
+    let mut s = Solution::with_capacity(CAPACITY);
+    assert_eq!(ClarabelSolver::new(8).unwrap().solve(&p, &mut s), Outcome::TooLarge);
+    assert_eq!(ClarabelSolver::new(CAPACITY).unwrap().solve(&p, &mut s), Outcome::Solved);
+}
+
+/// Verification refuses what is not a solution, whatever it was told.
+#[test]
+fn verification_sees_every_kind_of_damage() {
+    let mut draw = Draw(6);
+    let mut s = Solution::with_capacity(CAPACITY);
+    let mut seen = 0;
+    for _ in 0..2_000 {
+        let p = random_programme(&mut draw);
+        assert_eq!(ExactSolver.solve(&p, &mut s), Outcome::Solved);
+        let damage: [&dyn Fn(&mut Solution); 6] = [
+            &|s| s.v_mps += 0.1,
+            &|s| s.omega_radps = f64::NAN,
+            &|s| s.dual_position = -1.0,
+            &|s| s.dual_heading += 20_000.0,
+            &|s| s.slack_position = -0.1,
+            &|s| s.dual_v[1] += 5.0,
+        ];
+        for change in damage {
+            let mut broken = s.clone();
+            change(&mut broken);
+            assert!(Residuals::of(&p, &broken).max() > 1e-6, "{p:?} {broken:?}");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 12_000);
+}
