@@ -27,11 +27,15 @@
 //! | the records that cross shared memory | [`wire`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
+//! | who is near | [`neighbours`] |
+//! | where to steer and how fast, so that nobody waits for ever | [`guidance`] |
 //! | Lyapunov decreases and barrier rows | [`certificate`] |
 //! | the programme and its solution | [`programme`] |
 //! | the exact solver and Clarabel | [`solver`] |
 //! | the optimality conditions, checked | [`verify`] |
-//! | clearance, arrival, effort of a run | [`figures`] |
+//! | all of it for the robots of one worker | [`controller`] |
+//! | clearance over continuous time, arrivals, percentiles | [`figures`] |
+//! | the closed loop under a virtual clock | [`evaluation`] |
 //! | real and virtual time | [`clock`] |
 //! | when periods start | [`schedule`] |
 //! | priorities, pinning, locked memory | [`realtime`] |
@@ -50,9 +54,13 @@ pub mod certificate;
 pub mod channel;
 pub mod clock;
 pub mod config;
+pub mod controller;
+pub mod evaluation;
 pub mod figures;
 pub mod geometry;
+pub mod guidance;
 pub mod model;
+pub mod neighbours;
 pub mod plant;
 pub mod programme;
 pub mod realtime;

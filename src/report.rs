@@ -8,9 +8,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::admission::Rejections;
-use crate::figures::ControlFigures;
+use crate::figures::{ControlFigures, LatencyNs};
 use crate::realtime::Achieved;
-use crate::telemetry::Quantiles;
 
 /// The daemon's report.
 #[derive(Debug, Clone, Serialize)]
@@ -21,8 +20,6 @@ pub struct Report {
     pub profile: &'static str,
     /// The solver.
     pub solver: &'static str,
-    /// Robots of the fleet.
-    pub robots: usize,
     /// How well the task was done.
     #[serde(flatten)]
     pub control: ControlFigures,
@@ -44,22 +41,22 @@ pub struct Report {
     /// Stops by reason.
     pub stops: BTreeMap<&'static str, u64>,
     /// From the scheduled start of a period to the loop being awake, ns.
-    pub release_lateness_ns: Quantiles,
+    pub release_lateness_ns: LatencyNs,
     /// From waking to the state being published and the workers woken, ns.
-    pub state_publish_ns: Quantiles,
+    pub state_publish_ns: LatencyNs,
     /// From the stamp of the state to a worker reading it, ns.
-    pub state_to_worker_ns: Quantiles,
+    pub state_to_worker_ns: LatencyNs,
     /// From the stamp of the state to the last command being staged, ns.
-    pub state_to_staged_ns: Quantiles,
+    pub state_to_staged_ns: LatencyNs,
     /// From the stamp of the state to the commands being published, ns. By design the deadline: the
     /// period less its margin.
-    pub state_to_command_ns: Quantiles,
+    pub state_to_command_ns: LatencyNs,
     /// From the deadline to the commands being published, ns.
-    pub deadline_lateness_ns: Quantiles,
+    pub deadline_lateness_ns: LatencyNs,
     /// The solver alone, for one robot, ns.
-    pub solve_ns: Quantiles,
+    pub solve_ns: LatencyNs,
     /// A robot's whole step, ns.
-    pub step_ns: Quantiles,
+    pub step_ns: LatencyNs,
     /// What the kernel granted.
     pub realtime: Achieved,
     /// Observations refused, by reason.
@@ -81,7 +78,7 @@ pub struct Report {
 impl Report {
     /// Whether all robots arrived, no clearance was violated, and every period is accounted for.
     pub fn success(&self) -> bool {
-        self.control.arrived == self.robots && self.control.violations == 0 && self.lost_records == 0
+        self.control.arrived == self.control.robots && self.control.violations == 0 && self.lost_records == 0
     }
 }
 

@@ -42,6 +42,26 @@ impl SolverKind {
     }
 }
 
+/// How the hard barrier row bounds the approach within a period.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BarrierForm {
+    /// F1: exact for the turn rate that the heading part of the programme has decided.
+    #[default]
+    Exact,
+    /// F2: one bound for every admissible turn rate; a little slower in dense traffic.
+    Linear,
+}
+
+impl BarrierForm {
+    /// The name in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Linear => "linear",
+        }
+    }
+}
+
 /// Weights of the objective (33a). All positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
@@ -80,6 +100,8 @@ pub struct ControllerConfig {
     /// Barrier rate γ in (0, 1] **per step** of the hard rows: the share of the gap that may be
     /// used up in one period. Larger allows a faster approach.
     pub gamma: f64,
+    /// Form of the hard rows.
+    pub barrier: BarrierForm,
     /// Barrier rate of the comfort rows, in (0, `gamma`].
     pub comfort_gamma: f64,
     /// Objective weights.
@@ -98,6 +120,7 @@ impl Default for ControllerConfig {
             alpha: 0.6,
             alignment: 1.0,
             gamma: 1.0,
+            barrier: BarrierForm::default(),
             comfort_gamma: 0.6,
             weights: Weights::default(),
             max_neighbours: 64,

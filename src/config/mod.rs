@@ -8,7 +8,7 @@ mod controller;
 mod runtime;
 
 pub use channel::ChannelConfig;
-pub use controller::{ControllerConfig, Profile, SolverKind, Weights};
+pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
 
 use crate::scenario::Scenario;

@@ -4,12 +4,13 @@ use std::thread::Thread;
 use super::board::Board;
 use crate::channel::Writer;
 use crate::clock::Clock;
-use crate::model::{Limits, RobotId};
+use crate::model::{Command, Limits, RobotId};
 use crate::schedule::Schedule;
 use crate::source::{Instant, StateSource};
 use crate::telemetry::{PeriodRecord, Pool};
 use crate::wire::{
-    CommandHeader, RobotCommand, RobotState, StateHeader, StopReason, TelemetryHeader, state_flags,
+    CommandHeader, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason, TelemetryHeader,
+    state_flags,
 };
 
 /// The loop: releases periods on an absolute schedule and publishes states and commands.
@@ -46,6 +47,8 @@ pub(super) struct ControlLoop<C: Clock> {
 pub(super) struct LoopMemory {
     states: Vec<RobotState>,
     commands: Vec<RobotCommand>,
+    /// What the robots mean to do with `commands`.
+    intents: Vec<RobotIntent>,
     /// The period in which `commands` act, if they went out.
     committed: Option<u64>,
     send_failures: u64,
@@ -54,7 +57,8 @@ pub(super) struct LoopMemory {
 impl LoopMemory {
     pub(super) fn new(states: Vec<RobotState>) -> Self {
         let commands = states.iter().map(|s| RobotCommand::stop(RobotId(s.id), StopReason::Start)).collect();
-        Self { states, commands, committed: None, send_failures: 0 }
+        let intents = vec![RobotIntent::default(); states.len()];
+        Self { states, commands, intents, committed: None, send_failures: 0 }
     }
 }
 
@@ -114,10 +118,12 @@ impl<C: Clock> ControlLoop<C> {
     fn observe(&mut self, tick: u64, instant: Instant) {
         let memory = &mut self.memory;
         let in_force = memory.committed == Some(tick);
-        for (state, command) in memory.states.iter_mut().zip(&memory.commands) {
-            let (v_mps, omega_radps) =
-                if in_force { (command.v_mps, command.omega_radps) } else { (0.0, 0.0) };
-            (state.v_mps, state.omega_radps) = (v_mps, omega_radps);
+        let answers = memory.commands.iter().zip(&memory.intents);
+        for (state, (command, intent)) in memory.states.iter_mut().zip(answers) {
+            let (command, intent) =
+                if in_force { (command.command(), *intent) } else { (Command::STOP, RobotIntent::default()) };
+            state.set_command(command);
+            state.intent = intent;
         }
         self.source.observe(instant, &mut memory.states);
         for state in &mut memory.states {
@@ -149,16 +155,18 @@ impl<C: Clock> ControlLoop<C> {
     /// Takes what is staged for `tick`; what is not there or not admissible becomes a stop.
     fn collect(&mut self, tick: u64) {
         let memory = &mut self.memory;
-        for (index, (command, state)) in memory.commands.iter_mut().zip(&memory.states).enumerate() {
+        let answers = memory.commands.iter_mut().zip(&mut memory.intents);
+        for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
             let staged = self.board.staging.take(index, tick);
+            *intent = staged.map_or_else(RobotIntent::default, |(_, intent)| intent);
             let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
             *command = match staged {
                 _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
                 None => stop(StopReason::Deadline),
-                Some(staged) if staged.stop_reason != 0 => {
+                Some((staged, _)) if staged.stop_reason != 0 => {
                     RobotCommand { v_mps: 0.0, omega_radps: 0.0, ..staged }
                 }
-                Some(staged) if self.limits.admits(staged.command()) => staged,
+                Some((staged, _)) if self.limits.admits(staged.command()) => staged,
                 Some(_) => stop(StopReason::Unverified),
             };
         }

@@ -15,6 +15,7 @@ use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
 use crate::config::Config;
+use crate::controller::RobotGroup;
 use crate::figures::Accumulator;
 use crate::realtime::{Achieved, Placement, ThreadGrant, lock_memory, usable_cpus};
 use crate::report::{self, Report};
@@ -33,10 +34,19 @@ pub struct Daemon {
     realtime: Achieved,
     loop_thread: Option<JoinHandle<Option<StopReason>>>,
     workers: Vec<JoinHandle<()>>,
-    housekeeping: Option<JoinHandle<Findings>>,
+    housekeeping: Option<JoinHandle<Option<Findings>>>,
 }
 
 impl Daemon {
+    /// Starts the fleet of `config`.
+    ///
+    /// # Errors
+    /// Those of [`Daemon::start_with`].
+    pub fn start(config: Config, until: Until) -> Result<Self, DaemonError> {
+        let for_workers = config.clone();
+        Self::start_with(config, until, move |owned| RobotGroup::new(&for_workers, owned))
+    }
+
     /// Starts the fleet of `config` with controllers that `make` builds, one for each worker's
     /// range of robots, in the worker's thread. Returns when the first period is scheduled.
     ///
@@ -139,19 +149,20 @@ impl Daemon {
         let thread = spawn("clearway-house", move || {
             let config = &common.config;
             let robots = config.scenario.robots.len();
-            let ports = common.transport.attach("clearwayd-house").and_then(|node| {
+            let period_s = config.timing.period_s();
+            let prepared = (|| {
+                let node = common.transport.attach("clearwayd-house")?;
                 let telemetry = node.writer(robots)?;
-                Ok((node, telemetry))
-            });
-            let (node, telemetry) = match ports {
-                Ok(ports) => ports,
+                Ok::<_, DaemonError>((node, telemetry, Statistics::new(robots, period_s)?))
+            })();
+            let (node, telemetry, statistics) = match prepared {
+                Ok(prepared) => prepared,
                 Err(e) => {
                     let _ = ready.send(Err(e));
-                    return Findings::nothing(&config.scenario, config.timing.period_s());
+                    return None;
                 }
             };
             let _ = ready.send(Ok(()));
-            let period_s = config.timing.period_s();
             let housekeeper = Housekeeper {
                 node,
                 telemetry,
@@ -160,12 +171,12 @@ impl Daemon {
                 board: Arc::clone(&common.board),
                 accumulator: Accumulator::new(&config.scenario, period_s),
                 answers: Answers::new(robots, capacity + 2),
-                statistics: Statistics::new(robots, period_s),
+                statistics,
                 progress,
                 until,
                 poll: poll_interval(config),
             };
-            housekeeper.run()
+            Some(housekeeper.run())
         })?;
         self.housekeeping = Some(thread);
         readiness.recv().map_err(|_| DaemonError::Panicked { thread: "housekeeping" })??;
@@ -200,7 +211,7 @@ impl Daemon {
         let reason = self.loop_thread.take().map(JoinHandle::join);
         let findings = self.housekeeping.take().map(JoinHandle::join);
         let Some(Ok(Some(reason))) = reason else { return Err(DaemonError::Panicked { thread: "loop" }) };
-        let Some(Ok(findings)) = findings else {
+        let Some(Ok(Some(findings))) = findings else {
             return Err(DaemonError::Panicked { thread: "housekeeping" });
         };
         let workers = self.workers.len();
@@ -234,7 +245,6 @@ impl Daemon {
             scenario: config.scenario.name.clone(),
             profile: config.controller.profile.name(),
             solver: config.controller.solver.name(),
-            robots: config.scenario.robots.len(),
             control: accumulator.finish(),
             ended_by: reason.name(),
             workers,
@@ -244,14 +254,14 @@ impl Daemon {
             deadline_misses: statistics.deadline_misses,
             fallback_commands: statistics.fallback_commands,
             stops: statistics.stops,
-            release_lateness_ns: statistics.release_lateness.quantiles(),
-            state_publish_ns: statistics.state_publish.quantiles(),
-            state_to_worker_ns: statistics.state_to_worker.quantiles(),
-            state_to_staged_ns: statistics.state_to_staged.quantiles(),
-            state_to_command_ns: statistics.state_to_command.quantiles(),
-            deadline_lateness_ns: statistics.deadline_lateness.quantiles(),
-            solve_ns: statistics.solve.quantiles(),
-            step_ns: statistics.step.quantiles(),
+            release_lateness_ns: statistics.release_lateness.summary(),
+            state_publish_ns: statistics.state_publish.summary(),
+            state_to_worker_ns: statistics.state_to_worker.summary(),
+            state_to_staged_ns: statistics.state_to_staged.summary(),
+            state_to_command_ns: statistics.state_to_command.summary(),
+            deadline_lateness_ns: statistics.deadline_lateness.summary(),
+            solve_ns: statistics.solve.summary(),
+            step_ns: statistics.step.summary(),
             realtime: self.realtime.clone(),
             rejected_inputs: statistics.rejections,
             worker_panics: statistics.worker_panics,

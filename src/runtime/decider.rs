@@ -1,13 +1,5 @@
-use crate::wire::{RobotCommand, RobotState, RobotTelemetry};
-
-/// What one robot is to do in the next period, and how that was found.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Decision {
-    /// A verified command, or a stop with its reason.
-    pub command: RobotCommand,
-    /// How it was found.
-    pub telemetry: RobotTelemetry,
-}
+use crate::controller::{Decision, RobotGroup, Timing};
+use crate::wire::RobotState;
 
 /// One worker's share of the controller: the robots it owns, with their workspaces and memory.
 ///
@@ -17,4 +9,10 @@ pub trait Decider {
     /// Answers the fleet's state at `t_k`, which carries the commands in force, with commands that
     /// act at `t_{k+1}`.
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision));
+}
+
+impl Decider for RobotGroup {
+    fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
+        self.solve(fleet, Timing::LogicalExecutionTime, each);
+    }
 }

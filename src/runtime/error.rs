@@ -28,6 +28,10 @@ pub enum DaemonError {
         reason: String,
     },
 
+    /// A histogram could not be made.
+    #[error("a histogram cannot be set up: {0}")]
+    Histogram(#[from] hdrhistogram::errors::CreationError),
+
     /// A thread could not be started.
     #[error("the {thread} thread cannot be started: {reason}")]
     #[diagnostic(help("check `ulimit -u` and the memory limits of the process"))]

@@ -8,7 +8,6 @@ use super::progress::Progress;
 use super::statistics::Statistics;
 use crate::channel::{Attachment, Writer};
 use crate::figures::Accumulator;
-use crate::scenario::Scenario;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{RobotTelemetry, StopReason, TelemetryHeader};
 
@@ -35,16 +34,6 @@ pub(super) struct Housekeeper {
 pub(super) struct Findings {
     pub(super) accumulator: Accumulator,
     pub(super) statistics: Statistics,
-}
-
-impl Findings {
-    /// Those of a run that never began.
-    pub(super) fn nothing(scenario: &Scenario, period_s: f64) -> Self {
-        Self {
-            accumulator: Accumulator::new(scenario, period_s),
-            statistics: Statistics::new(scenario.robots.len(), period_s),
-        }
-    }
 }
 
 impl Housekeeper {
@@ -194,9 +183,10 @@ impl Answers {
         }
         answer.known += record.robots.len();
         answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
-        for (mine, robot) in answer.robots.iter_mut().skip(record.first).zip(&record.robots) {
+        let mine = answer.robots.iter_mut().enumerate().skip(record.first);
+        for ((index, mine), robot) in mine.zip(&record.robots) {
             *mine = *robot;
-            figures.observe_solve(robot);
+            figures.observe_solve(index, robot);
         }
     }
 }

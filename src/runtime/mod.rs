@@ -31,7 +31,7 @@ mod threads;
 mod worker;
 
 pub use daemon::Daemon;
-pub use decider::{Decider, Decision};
+pub use decider::Decider;
 pub use error::DaemonError;
 pub use progress::Progress;
 pub use staging::Staging;

@@ -1,15 +1,18 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 
+use hdrhistogram::errors::CreationError;
+
 use super::board::Board;
 use super::housekeeping::Answer;
 use super::progress::Progress;
 use crate::admission::Rejections;
-use crate::telemetry::{Distribution, PeriodRecord, SolveRecord};
+use crate::figures::LatencyHistogram;
+use crate::telemetry::{PeriodRecord, SolveRecord};
 use crate::wire::{SolveStatus, StopReason, TelemetryHeader};
 
 /// Everything about a run that is counted or timed.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Statistics {
     pub(super) robots: u64,
     pub(super) period_s: f64,
@@ -19,14 +22,14 @@ pub(super) struct Statistics {
     pub(super) deadline_misses: u64,
     pub(super) fallback_commands: u64,
     pub(super) stops: BTreeMap<&'static str, u64>,
-    pub(super) release_lateness: Distribution,
-    pub(super) state_publish: Distribution,
-    pub(super) state_to_worker: Distribution,
-    pub(super) state_to_staged: Distribution,
-    pub(super) state_to_command: Distribution,
-    pub(super) deadline_lateness: Distribution,
-    pub(super) solve: Distribution,
-    pub(super) step: Distribution,
+    pub(super) release_lateness: LatencyHistogram,
+    pub(super) state_publish: LatencyHistogram,
+    pub(super) state_to_worker: LatencyHistogram,
+    pub(super) state_to_staged: LatencyHistogram,
+    pub(super) state_to_command: LatencyHistogram,
+    pub(super) deadline_lateness: LatencyHistogram,
+    pub(super) solve: LatencyHistogram,
+    pub(super) step: LatencyHistogram,
     pub(super) rejections: Rejections,
     pub(super) send_failures: u64,
     pub(super) lost_records: u64,
@@ -48,8 +51,30 @@ struct Logged {
 }
 
 impl Statistics {
-    pub(super) fn new(robots: usize, period_s: f64) -> Self {
-        Self { robots: robots as u64, period_s, ..Self::default() }
+    pub(super) fn new(robots: usize, period_s: f64) -> Result<Self, CreationError> {
+        Ok(Self {
+            robots: robots as u64,
+            period_s,
+            last: TelemetryHeader::default(),
+            ticks: 0,
+            skipped_periods: 0,
+            deadline_misses: 0,
+            fallback_commands: 0,
+            stops: BTreeMap::new(),
+            release_lateness: LatencyHistogram::new()?,
+            state_publish: LatencyHistogram::new()?,
+            state_to_worker: LatencyHistogram::new()?,
+            state_to_staged: LatencyHistogram::new()?,
+            state_to_command: LatencyHistogram::new()?,
+            deadline_lateness: LatencyHistogram::new()?,
+            solve: LatencyHistogram::new()?,
+            step: LatencyHistogram::new()?,
+            rejections: Rejections::default(),
+            send_failures: 0,
+            lost_records: 0,
+            worker_panics: 0,
+            logged: Logged::default(),
+        })
     }
 
     pub(super) fn add_solves(&mut self, record: &SolveRecord) {
@@ -99,8 +124,8 @@ impl Statistics {
         progress.tick = self.last.tick;
         progress.time_s = (self.last.tick + 1) as f64 * self.period_s;
         progress.release_lateness_ns = self.last.release_lateness_ns;
-        progress.release_lateness_max_ns = self.release_lateness.quantiles().max;
-        progress.solve_p99_ns = self.solve.quantiles().p99;
+        progress.release_lateness_max_ns = self.release_lateness.summary().max;
+        progress.solve_p99_ns = self.solve.summary().p99;
         progress.deadline_misses = self.deadline_misses;
         progress.fallback_commands = self.fallback_commands;
         progress.rejected_inputs = self.rejections.total();

@@ -8,7 +8,7 @@ use super::decider::Decider;
 use crate::channel::StateReader;
 use crate::clock::{Clock, MonotonicClock};
 use crate::telemetry::{Pool, SolveRecord};
-use crate::wire::RobotState;
+use crate::wire::{RobotState, RobotTelemetry};
 
 /// Panics after which a worker stays down: what fails so often is not an accident.
 const RESTARTS_MAX: u64 = 3;
@@ -87,12 +87,12 @@ fn decide<D: Decider>(
     tick: u64,
     decider: &mut D,
     fleet: &[RobotState],
-    mut tell: impl FnMut(usize, &crate::wire::RobotTelemetry),
+    mut tell: impl FnMut(usize, &RobotTelemetry),
 ) {
     decider.decide(fleet, &mut |index, decision| {
         // A slot has one writer: another worker's robot is none of ours.
         if owned.contains(&index) {
-            board.staging.put(index, tick, &decision.command);
+            board.staging.put(index, tick, &decision.command, &decision.intent);
             tell(index, &decision.telemetry);
         }
     });

@@ -6,9 +6,7 @@
 //! control down. Filling a record is a copy of a few hundred bytes a robot.
 
 mod pool;
-mod quantiles;
 mod record;
 
 pub use pool::Pool;
-pub use quantiles::{Distribution, Quantiles};
 pub use record::{PeriodRecord, SolveRecord};

@@ -7,11 +7,12 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use clearway::config::{ChannelConfig, Config, RealTimeConfig, RealTimePolicy};
+use clearway::controller::Decision;
 use clearway::geometry::{Pose, Vec2};
 use clearway::model::{Command, Limits, RobotId, RobotSpec};
-use clearway::runtime::{Decider, Decision};
+use clearway::runtime::Decider;
 use clearway::scenario::Scenario;
-use clearway::wire::{RobotCommand, RobotState, RobotTelemetry, SolveStatus};
+use clearway::wire::{RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus};
 
 /// A place in shared memory that nobody else uses; checked to be empty and removed at the end.
 pub struct World {
@@ -97,7 +98,8 @@ impl Decider for Straight {
                 step_ns: 2000,
                 ..RobotTelemetry::default()
             };
-            each(index, &Decision { command: RobotCommand::verified(robot.robot(), command), telemetry });
+            let command = RobotCommand::verified(robot.robot(), command);
+            each(index, &Decision { command, intent: RobotIntent::default(), telemetry });
         }
     }
 }
