@@ -2,7 +2,23 @@
 //!
 //! Reads a built-in name or a TOML file (`schema = 1`); writes a checked [`Scenario`]. World frame,
 //! metres, radians, seconds. Used at start-up only, so it may allocate and format.
+//!
+//! ```
+//! use clearway::scenario::Scenario;
+//!
+//! let circle = Scenario::builtin("circle-10")?;
+//! assert_eq!(circle.robots.len(), 10);
+//!
+//! let error = Scenario::builtin("cirle-10").unwrap_err();
+//! assert_eq!(error.to_string(), "there is no built-in scenario `cirle-10`");
+//! # Ok::<(), clearway::document::ConfigError>(())
+//! ```
 
+mod builtin;
+mod check;
+
+use crate::document::{ConfigError, Problem};
+use crate::geometry::Vec2;
 use crate::model::{Limits, Obstacle, RobotSpec};
 
 /// A checked scenario: ids unique, all numbers finite, starts and goals apart.
@@ -23,8 +39,55 @@ pub struct Scenario {
 }
 
 impl Scenario {
+    /// Most robots of a fleet.
+    pub const MAX_ROBOTS: usize = 4096;
+    /// Most obstacles.
+    pub const MAX_OBSTACLES: usize = 1024;
+    /// Tolerance of a scenario that gives none, m.
+    pub const DEFAULT_TOLERANCE_M: f64 = 0.05;
+    /// Duration of a scenario that gives none, s.
+    pub const DEFAULT_DURATION_S: f64 = 60.0;
+
+    /// The built-in scenario called `name`; [`Scenario::builtins`] lists them.
+    ///
+    /// # Errors
+    /// There is none of that name (with the nearest one as help), or its number of robots is out of
+    /// range.
+    pub fn builtin(name: &str) -> Result<Self, ConfigError> {
+        let scenario = builtin::build(name)?;
+        scenario.check()?;
+        Ok(scenario)
+    }
+
+    /// The built-in families: the pattern of their names, such as `circle-N`, and one line about
+    /// each. `N` stands for a number of robots, `SEED` for any number below 2⁶⁴.
+    pub fn builtins() -> impl Iterator<Item = (&'static str, &'static str)> {
+        builtin::families()
+    }
+
+    /// Checks a scenario that was put together by a program, by the rules for files.
+    ///
+    /// # Errors
+    /// The first rules that it breaks, without places.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let problem = |fault: check::Fault| {
+            let key = fault.parts.first().map_or(String::new(), |(part, _)| part.key());
+            Problem::new(fault.kind, key, fault.message)
+                .advise(fault.help)
+                .of(format!("scenario `{}`", self.name))
+        };
+        let problems = check::faults(self).into_iter().map(problem).collect();
+        ConfigError::from_problems(problems).map_or(Ok(()), Err)
+    }
+
     /// Distance ρ_ij = d_s + r_i + r_j that two centres keep, m (22).
     pub fn required_distance_m(&self, i: usize, j: usize) -> f64 {
         self.limits.safety_margin_m + self.robots[i].radius_m + self.robots[j].radius_m
     }
+}
+
+/// Heading from one point to another, rad; 0 when they are the same.
+fn heading_toward(from_m: Vec2, to_m: Vec2) -> f64 {
+    let d = to_m - from_m;
+    if d == Vec2::zeros() { 0.0 } else { libm::atan2(d.y, d.x) }
 }
