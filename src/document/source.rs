@@ -5,6 +5,9 @@ use std::sync::Arc;
 /// A text that was read: a file or a command-line override, with the name it is reported under.
 pub(crate) type Source = Arc<NamedSource<String>>;
 
+/// The name of a text that came from the command line.
+pub(super) const OVERRIDE: &str = "--set";
+
 /// Where a key or a value stands.
 #[derive(Debug, Clone)]
 pub(crate) struct Place {
@@ -26,12 +29,17 @@ impl Place {
 
     /// Line of the first byte, counted from 1.
     pub(crate) fn line(&self) -> usize {
-        1 + self.source.inner()[..self.span.start].bytes().filter(|&b| b == b'\n').count()
+        1 + self.source.inner()[..self.span.start].matches('\n').count()
     }
 
     /// The text at this place.
     pub(crate) fn text(&self) -> &str {
         &self.source.inner()[self.span.clone()]
+    }
+
+    /// Whether it stands on the command line.
+    pub(crate) fn is_override(&self) -> bool {
+        self.source.name() == OVERRIDE
     }
 
     /// Whether both stand in the same text.
@@ -42,6 +50,9 @@ impl Place {
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.is_override() {
+            return write!(f, "{OVERRIDE} {}", self.source.inner());
+        }
         write!(f, "{}:{}", self.source.name(), self.line())
     }
 }

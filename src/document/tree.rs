@@ -1,5 +1,5 @@
-use super::error::{ErrorKind, Problem};
-use super::source::{Place, Source};
+use super::error::{ConfigError, ErrorKind, Problem};
+use super::source::{OVERRIDE, Place, Source};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
@@ -49,14 +49,15 @@ pub(super) struct Entry {
 pub(super) type Table = BTreeMap<String, Entry>;
 
 /// The tree of a TOML text.
-pub(super) fn parse(source: &Source) -> Result<Table, Problem> {
+pub(super) fn parse(source: &Source) -> Result<Table, ConfigError> {
     match DeTable::parse(source.inner()) {
         Ok(table) => Ok(read_table(table.get_ref(), source)),
         Err(error) => {
             let place = Place::new(source, error.span().unwrap_or(0..0));
             Err(Problem::new(ErrorKind::Syntax, "", error.message().replace('\n', ", "))
                 .at(&place, "here")
-                .advise("write TOML: `key = value` on a line of its own, text in double quotes, sections as [name]"))
+                .advise("write TOML: `key = value` on a line of its own, text in double quotes, sections as [name]")
+                .into())
         }
     }
 }
@@ -92,8 +93,7 @@ fn read_value(value: &DeValue<'_>, source: &Source) -> Value {
     match value {
         DeValue::String(text) => Value::Text(text.clone().into_owned()),
         DeValue::Integer(n) => Value::Integer(i64::from_str_radix(n.as_str(), n.radix()).ok()),
-        // TOML's grammar for numbers is inside Rust's once the separators are gone.
-        DeValue::Float(x) => Value::Float(x.as_str().replace('_', "").parse().unwrap_or(f64::NAN)),
+        DeValue::Float(x) => Value::Float(x.as_str().parse().unwrap_or(f64::NAN)),
         DeValue::Boolean(flag) => Value::Flag(*flag),
         DeValue::Datetime(_) => Value::Time,
         DeValue::Array(list) => {
@@ -109,18 +109,20 @@ fn read_value(value: &DeValue<'_>, source: &Source) -> Value {
 
 /// The tree of one `--set` argument, `section.key=value`. A value that is not TOML is a string, so
 /// that names need no quotes on a command line.
-pub(super) fn parse_override(argument: &str) -> Result<Table, Problem> {
-    let source = |text: String| -> Source { Arc::new(miette::NamedSource::new("--set", text)) };
+pub(super) fn parse_override(argument: &str) -> Result<Table, ConfigError> {
+    let source = |text: String| -> Source { Arc::new(miette::NamedSource::new(OVERRIDE, text)) };
     let given = source(argument.to_owned());
     let Some((key, value)) = argument.split_once('=') else {
         return Err(Problem::new(ErrorKind::Syntax, argument, "there is no `=`")
-            .of("--set")
-            .advise("write it as --set section.key=value"));
+            .of(OVERRIDE)
+            .advise("write it as --set section.key=value")
+            .into());
     };
     if argument.contains('\n') {
         return Err(Problem::new(ErrorKind::Syntax, key, "more than one line")
-            .of("--set")
-            .advise("give one --set for each key"));
+            .of(OVERRIDE)
+            .advise("give one --set for each key")
+            .into());
     }
     parse(&given).or_else(|problem| {
         let quoted = toml::Value::String(value.trim().to_owned());

@@ -2,6 +2,7 @@ use super::Scenario;
 use crate::document::ErrorKind;
 use crate::geometry::Vec2;
 use crate::model::Obstacle;
+use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
 /// Coordinates are at most this far from the origin, m: beyond it the last bit of a position is no
@@ -101,8 +102,8 @@ impl Check<'_> {
             let message = "has to be 1 to 64 bytes without control characters".to_owned();
             self.fault(ErrorKind::OutOfRange, Part::Name, "here", message, "choose a short name");
         }
-        self.number(Part::Tolerance, s.tolerance_m, above_zero(10.0));
-        self.number(Part::Duration, s.duration_s, above_zero(1e6));
+        self.number(Part::Tolerance, "", s.tolerance_m, above_zero(10.0));
+        self.number(Part::Duration, "", s.duration_s, above_zero(1e6));
         self.limits();
         if s.robots.is_empty() {
             let message = "the fleet is empty".to_owned();
@@ -120,9 +121,9 @@ impl Check<'_> {
             if self.full() {
                 return;
             }
-            self.number(Part::Radius(i), robot.radius_m, above_zero(SIZE_MAX_M));
+            self.number(Part::Radius(i), "", robot.radius_m, above_zero(SIZE_MAX_M));
             self.point(Part::Start(i), robot.start.position_m);
-            self.number(Part::Start(i), robot.start.theta_rad, -1e3..=1e3);
+            self.number(Part::Start(i), "theta_rad ", robot.start.theta_rad, -PI..=PI);
             self.point(Part::Goal(i), robot.goal_m);
         }
         for (i, obstacle) in s.obstacles.iter().enumerate() {
@@ -135,20 +136,20 @@ impl Check<'_> {
             };
             self.point(Part::Obstacle(i), from);
             self.point(Part::Obstacle(i), to);
-            self.number(Part::Obstacle(i), obstacle.reach_m(), 0.0..=COORDINATE_MAX_M);
+            self.number(Part::Obstacle(i), "radius_m ", obstacle.reach_m(), 0.0..=COORDINATE_MAX_M);
         }
     }
 
     fn limits(&mut self) {
         let l = self.scenario.limits;
-        self.number(Part::Margin, l.safety_margin_m, 0.0..=SIZE_MAX_M);
+        self.number(Part::Margin, "", l.safety_margin_m, 0.0..=SIZE_MAX_M);
         for (part, low, high, unit) in [
             (Part::Speed, l.v_min_mps, l.v_max_mps, "m/s"),
             (Part::TurnRate, l.omega_min_radps, l.omega_max_radps, "rad/s"),
         ] {
             let before = self.faults.len();
-            self.number(part, low, -RATE_MAX..=RATE_MAX);
-            self.number(part, high, -RATE_MAX..=RATE_MAX);
+            self.number(part, "the smallest ", low, -RATE_MAX..=RATE_MAX);
+            self.number(part, "the largest ", high, -RATE_MAX..=RATE_MAX);
             if self.faults.len() > before {
                 continue;
             }
@@ -229,20 +230,20 @@ impl Check<'_> {
         });
     }
 
-    fn number(&mut self, part: Part, value: f64, range: RangeInclusive<f64>) {
+    fn number(&mut self, part: Part, what: &str, value: f64, range: RangeInclusive<f64>) {
         if !range.contains(&value) {
             let low = match *range.start() {
                 f64::MIN_POSITIVE => "above 0".to_owned(),
                 low => format!("at least {low}"),
             };
-            let message = format!("has to be {low} and at most {}, is {value}", range.end());
+            let message = format!("{what}has to be {low} and at most {}, is {value}", range.end());
             self.fault(ErrorKind::OutOfRange, part, "out of range", message, "give a number in that range");
         }
     }
 
     fn point(&mut self, part: Part, p: Vec2) {
-        for value in [p.x, p.y] {
-            self.number(part, value, -COORDINATE_MAX_M..=COORDINATE_MAX_M);
+        for (what, value) in [("x ", p.x), ("y ", p.y)] {
+            self.number(part, what, value, -COORDINATE_MAX_M..=COORDINATE_MAX_M);
         }
     }
 

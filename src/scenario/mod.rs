@@ -16,10 +16,12 @@
 
 mod builtin;
 mod check;
+mod read;
 
-use crate::document::{ConfigError, Problem};
+use crate::document::{ConfigError, Document, Problem};
 use crate::geometry::Vec2;
 use crate::model::{Limits, Obstacle, RobotSpec};
+use std::path::Path;
 
 /// A checked scenario: ids unique, all numbers finite, starts and goals apart.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +49,34 @@ impl Scenario {
     pub const DEFAULT_TOLERANCE_M: f64 = 0.05;
     /// Duration of a scenario that gives none, s.
     pub const DEFAULT_DURATION_S: f64 = 60.0;
+
+    /// Reads and checks the TOML file at `path`.
+    ///
+    /// # Errors
+    /// It cannot be read, or something in it is wrong: every problem found, each with its line, its
+    /// key and what to change.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        read::read(Document::load(path)?)
+    }
+
+    /// Reads and checks TOML text; errors name it `file_name`.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`].
+    pub fn parse(text: &str, file_name: &str) -> Result<Self, ConfigError> {
+        read::read(Document::parse(text, file_name)?)
+    }
+
+    /// The scenario that a command line means: a file when `name_or_path` ends in `.toml` or exists,
+    /// a built-in name otherwise.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`] or [`Scenario::builtin`].
+    pub fn resolve(name_or_path: &str) -> Result<Self, ConfigError> {
+        let path = Path::new(name_or_path);
+        let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        if is_toml || path.is_file() { Self::load(path) } else { Self::builtin(name_or_path) }
+    }
 
     /// The built-in scenario called `name`; [`Scenario::builtins`] lists them.
     ///
