@@ -51,6 +51,7 @@ fn the_sound_scenario_is_read_sorted_and_complete() {
 }
 
 #[test]
+#[allow(clippy::too_many_lines)] // A table.
 fn one_changed_line_gives_its_line_key_and_remedy() {
     use ErrorKind::{Contradiction, MissingKey, OutOfRange, Syntax, UnknownKey, WrongType};
     // Line, what stands there, kind, key, part of the message, part of the help.

@@ -1,3 +1,5 @@
+use crate::document::names;
+
 /// Which control law runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Profile {
@@ -11,16 +13,7 @@ pub enum Profile {
     Exponential,
 }
 
-impl Profile {
-    /// The name on command lines, in files and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Certified => "certified",
-            Self::Paper => "paper",
-            Self::Exponential => "exp",
-        }
-    }
-}
+names!(Profile { Certified => "certified", Paper => "paper", Exponential => "exp" });
 
 /// Which solver a worker runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,15 +25,7 @@ pub enum SolverKind {
     Clarabel,
 }
 
-impl SolverKind {
-    /// The name on command lines, in files and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Clarabel => "clarabel",
-        }
-    }
-}
+names!(SolverKind { Exact => "exact", Clarabel => "clarabel" });
 
 /// Weights of the objective (33a). All positive.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -136,6 +136,12 @@ impl Problem {
         self
     }
 
+    /// The same problem, found while `key` was looked up.
+    pub(crate) fn under(mut self, key: impl Into<String>) -> Self {
+        self.key = key.into();
+        self
+    }
+
     /// Points at a place; the first place is where the problem is reported.
     pub(crate) fn at(mut self, place: &Place, label: impl Into<String>) -> Self {
         self.places.push((place.clone(), label.into()));

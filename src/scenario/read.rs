@@ -99,12 +99,12 @@ fn draft(doc: &Document) -> Draft {
 
 fn robot(mut section: Section<'_>) -> Option<(RobotSpec, RobotPlaces)> {
     let path = section.path().to_owned();
-    let id = section.natural("id").and_then(|id| match u32::try_from(id.value) {
-        Ok(value) => Some(Found { value, place: id.place }),
-        Err(_) => {
-            section.refuse("id", &id.place, "has to fit 32 bits", "number the robots from 0");
-            None
+    let id = section.natural("id").and_then(|id| {
+        if let Ok(value) = u32::try_from(id.value) {
+            return Some(Found { value, place: id.place });
         }
+        section.refuse("id", &id.place, "has to fit 32 bits", "number the robots from 0");
+        None
     });
     let id = section.require("id", id, "a number of its own, for instance id = 0");
     let radius = section.number("radius_m");
