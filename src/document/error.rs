@@ -117,8 +117,8 @@ impl Problem {
         Self {
             kind,
             subject: String::new(),
-            key: key.into(),
-            message: message.into(),
+            key: one_line(&key.into()),
+            message: one_line(&message.into()),
             help: String::new(),
             places: Vec::new(),
         }
@@ -172,6 +172,23 @@ impl Problem {
     fn elsewhere(&self) -> impl Iterator<Item = &(Place, String)> {
         self.places.iter().filter(|(place, _)| !place.shares_source(&self.places[0].0))
     }
+}
+
+/// Most characters of a message: it may quote what stands in the file.
+const LINE_MAX: usize = 300;
+
+/// One line without control characters, whatever the file contains.
+fn one_line(text: &str) -> String {
+    let escaped = text.chars().flat_map(|c| {
+        let (plain, escaped) =
+            if c.is_control() { (None, Some(c.escape_default())) } else { (Some(c), None) };
+        plain.into_iter().chain(escaped.into_iter().flatten())
+    });
+    let mut line: String = escaped.take(LINE_MAX).collect();
+    if line.chars().count() == LINE_MAX {
+        line.push('…');
+    }
+    line
 }
 
 impl fmt::Display for Problem {

@@ -35,6 +35,9 @@ use std::sync::Arc;
 /// Largest file, bytes: ten times what the largest fleet needs.
 const FILE_MAX_BYTES: usize = 4 << 20;
 
+/// A reading notes this many problems; more are seldom read and mostly follow from the first.
+const PROBLEMS_MAX: usize = 20;
+
 /// A parsed text, the overrides on top of it, and the problems found while it is read.
 pub(crate) struct Document {
     source: Source,
@@ -74,7 +77,10 @@ impl Document {
 
     /// Notes a problem.
     pub(crate) fn report(&self, problem: Problem) {
-        self.problems.borrow_mut().push(problem);
+        let mut problems = self.problems.borrow_mut();
+        if problems.len() < PROBLEMS_MAX {
+            problems.push(problem);
+        }
     }
 
     /// Whether no problem was found so far.

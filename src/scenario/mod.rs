@@ -17,6 +17,7 @@
 mod builtin;
 mod check;
 mod read;
+mod write;
 
 use crate::document::{ConfigError, Document, Problem};
 use crate::geometry::Vec2;
@@ -108,6 +109,11 @@ impl Scenario {
         };
         let problems = check::faults(self).into_iter().map(problem).collect();
         ConfigError::from_problems(problems).map_or(Ok(()), Err)
+    }
+
+    /// The scenario as a TOML file that reads back to the bit: a built-in to start from.
+    pub fn to_toml(&self) -> String {
+        write::to_toml(self)
     }
 
     /// Distance ρ_ij = d_s + r_i + r_j that two centres keep, m (22).
