@@ -28,16 +28,26 @@
 //! | settings read so that errors name file, line and key | [`document`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
+//! | who is near | [`neighbours`] |
+//! | where to steer and how fast, so that nobody waits for ever | [`guidance`] |
 //! | Lyapunov decreases and barrier rows | [`certificate`] |
 //! | the programme and its solution | [`programme`] |
 //! | the exact solver and Clarabel | [`solver`] |
 //! | the optimality conditions, checked | [`verify`] |
+//! | all of it for the robots of one worker | [`controller`] |
+//! | clearance over continuous time, arrivals, percentiles | [`figures`] |
+//! | the closed loop under a virtual clock | [`evaluation`] |
 
 pub mod certificate;
 pub mod config;
+pub mod controller;
 pub mod document;
+pub mod evaluation;
+pub mod figures;
 pub mod geometry;
+pub mod guidance;
 pub mod model;
+pub mod neighbours;
 pub mod programme;
 pub mod scenario;
 pub mod solver;

@@ -27,6 +27,18 @@ pub enum SolverKind {
 
 names!(SolverKind { Exact => "exact", Clarabel => "clarabel" });
 
+/// How the hard barrier row bounds the approach within a period.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BarrierForm {
+    /// F1: exact for the turn rate that the heading part of the programme has decided.
+    #[default]
+    Exact,
+    /// F2: one bound for every admissible turn rate; a little slower in dense traffic.
+    Linear,
+}
+
+names!(BarrierForm { Exact => "exact", Linear => "linear" });
+
 /// Weights of the objective (33a). All positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
@@ -65,6 +77,8 @@ pub struct ControllerConfig {
     /// Barrier rate γ in (0, 1] **per step** of the hard rows: the share of the gap that may be
     /// used up in one period. Larger allows a faster approach.
     pub gamma: f64,
+    /// Form of the hard rows.
+    pub barrier: BarrierForm,
     /// Barrier rate of the comfort rows, in (0, `gamma`].
     pub comfort_gamma: f64,
     /// Objective weights.
@@ -83,7 +97,8 @@ impl Default for ControllerConfig {
             alpha: 0.6,
             alignment: 1.0,
             gamma: 1.0,
-            comfort_gamma: 0.6,
+            barrier: BarrierForm::default(),
+            comfort_gamma: 0.9,
             weights: Weights::default(),
             max_neighbours: 64,
         }

@@ -27,7 +27,7 @@ mod read;
 mod runtime;
 
 pub use checked::Checked;
-pub use controller::{ControllerConfig, Profile, SolverKind, Weights};
+pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
 
 use crate::document::{ConfigError, Document};

@@ -129,6 +129,7 @@ fn controller(mut s: Section<'_>) -> Controller {
     let mut c = ControllerConfig::default();
     s.set_choice("profile", &mut c.profile);
     s.set_choice("solver", &mut c.solver);
+    s.set_choice("barrier", &mut c.barrier);
     s.set_number("c3", &mut c.c3, (Excluded(0.0), Included(100.0)));
     s.set_number("alpha", &mut c.alpha, (Excluded(0.0), Excluded(1.0)));
     s.set_number("alignment", &mut c.alignment, share);

@@ -37,6 +37,23 @@ pub(super) fn solve_within(
     solve_v(programme, solution, v_trust) && solve_omega(programme, solution, omega_trust)
 }
 
+/// The minimiser in ω alone. The programme separates, so it is that of every solution of it.
+pub fn optimal_turn_rate(programme: &Programme) -> f64 {
+    heading_part(programme, programme.omega_radps).minimise().x
+}
+
+fn heading_part(programme: &Programme, interval: Interval) -> Piecewise<'static> {
+    Piecewise {
+        effort: programme.weights.omega,
+        weight: programme.weights.heading,
+        certificate: programme.heading,
+        row_weight: 1.0,
+        rows: &[],
+        lo: interval.min,
+        hi: interval.max,
+    }
+}
+
 fn solve_v(programme: &Programme, solution: &mut Solution, trust: Interval) -> bool {
     let w = &programme.weights;
     let ends = Ends::of(programme.v_mps, &programme.safety, trust);
@@ -78,15 +95,7 @@ fn solve_v(programme: &Programme, solution: &mut Solution, trust: Interval) -> b
 fn solve_omega(programme: &Programme, solution: &mut Solution, trust: Interval) -> bool {
     let w = &programme.weights;
     let ends = Ends::of(programme.omega_radps, &[], trust);
-    let problem = Piecewise {
-        effort: w.omega,
-        weight: w.heading,
-        certificate: programme.heading,
-        row_weight: 1.0,
-        rows: &[],
-        lo: ends.interval.min,
-        hi: ends.interval.max,
-    };
+    let problem = heading_part(programme, ends.interval);
     let minimum = problem.minimise();
     let omega = minimum.x;
     solution.omega_radps = omega;

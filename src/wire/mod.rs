@@ -13,5 +13,5 @@ mod telemetry;
 
 pub use command::{CommandHeader, RobotCommand, StopReason};
 pub use observation::{ObservationHeader, RobotObservation};
-pub use state::{RobotState, StateHeader, state_flags};
-pub use telemetry::{RobotTelemetry, SolveStatus, TelemetryHeader};
+pub use state::{RobotIntent, RobotState, StateHeader, state_flags};
+pub use telemetry::{RobotTelemetry, SolveStatus, TelemetryHeader, telemetry_flags};

@@ -53,6 +53,36 @@ pub struct RobotState {
     pub goal_y_m: f64,
     /// Radius of the body, m.
     pub radius_m: f64,
+    /// What the robot meant to do when it chose its command.
+    pub intent: RobotIntent,
+}
+
+/// What a robot tells the others besides its state: where it steers and how fast it means to go.
+///
+/// Written by the robot's guidance one period earlier; read by the guidance of its neighbours.
+/// Safety does not depend on it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[type_name("clearway.v1.RobotIntent")]
+pub struct RobotIntent {
+    /// Heading it steers to, rad.
+    pub heading_rad: f64,
+    /// Mean speed that it expects over the next seconds, m/s.
+    pub speed_mps: f64,
+    /// How long it has been without progress, s: the right of way of the one that waits.
+    pub blocked_s: f64,
+    /// Point it drives to now, after avoidance, m.
+    pub target_x_m: f64,
+    /// Point it drives to now, after avoidance, m.
+    pub target_y_m: f64,
+    /// Goal, or next point of its route around obstacles, m.
+    pub waypoint_x_m: f64,
+    /// Goal, or next point of its route around obstacles, m.
+    pub waypoint_y_m: f64,
+    /// Own id, or the id it acts for while it gives way.
+    pub rank: u32,
+    /// 0 before the robot's guidance ran for the first time.
+    pub valid: u32,
 }
 
 impl RobotState {

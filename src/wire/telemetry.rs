@@ -1,5 +1,15 @@
 use iceoryx2::prelude::ZeroCopySend;
 
+/// Bits of [`RobotTelemetry::flags`].
+pub mod telemetry_flags {
+    /// The robot has not made progress for more than a second and has not arrived.
+    pub const STALLED: u32 = 1;
+    /// The robot has left its goal, or its way, to let another one pass.
+    pub const GIVING_WAY: u32 = 1 << 1;
+    /// The robot holds its place inside the tolerance of its goal.
+    pub const HOLDING: u32 = 1 << 2;
+}
+
 /// Header of a sample on `telemetry`: one period of the loop.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
@@ -44,8 +54,13 @@ pub struct RobotTelemetry {
     pub safety_rows: u32,
     /// Rows (safety, comfort, speed bound) that hold with equality at the solution.
     pub active_rows: u32,
-    /// Steps that the scalar recursion z ← z − Q(z) needs from V to 0: the predicted settling step.
+    /// Steps that the scalar recursion z ← z − Q(z) needs until the robot is inside its tolerance:
+    /// the predicted settling step. Filled in outside of the real-time threads.
     pub settling_steps: u32,
+    /// Bits of [`telemetry_flags`].
+    pub flags: u32,
+    /// Zero; reserved.
+    pub reserved: u32,
     /// Time for the solver alone, ns.
     pub solve_ns: u64,
     /// Time for the robot's whole step: neighbours, guidance, programme, solver, verification, ns.

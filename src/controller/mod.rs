@@ -1,0 +1,203 @@
+//! One worker's share of the control: from a fleet's states to verified commands.
+//!
+//! For each robot that it owns, a [`RobotGroup`] finds the neighbours, asks the guidance for a
+//! reference and a speed cap, computes the certificates, fills the programme, solves it, verifies the
+//! solution, checks the command once more against the bodies themselves, and returns a command or a
+//! stop with its reason. Which robots share a group changes nothing: a robot's decision depends on the
+//! common states and its own memory only.
+//!
+//! Reads a slice of [`RobotState`] in the order of the scenario's robots; writes one [`Decision`] a
+//! robot. All memory is allocated by [`RobotGroup::new`]; a solve with the exact solver allocates
+//! nothing and cannot panic on data.
+
+mod check;
+mod robot;
+mod rows;
+
+use crate::certificate::barrier::activation_m;
+use crate::config::{Config, ControllerConfig, SolverKind};
+use crate::guidance;
+use crate::model::{Limits, Obstacle};
+use crate::neighbours::Neighbourhood;
+use crate::programme::{Programme, Solution};
+use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
+use crate::wire::{RobotCommand, RobotIntent, RobotState, RobotTelemetry};
+use robot::RobotController;
+use std::ops::Range;
+
+/// When a command acts, seen from the state that it answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Timing {
+    /// The command answers the state of `t_k` and acts from `t_{k+1}`: it is computed for the state
+    /// that the commands in force will have led to. What the daemon does.
+    #[default]
+    LogicalExecutionTime,
+    /// The command acts at once at `t_k`, as in the paper. For reproducing figures.
+    Ideal,
+}
+
+/// What goes out for one robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Decision {
+    /// A verified command, or a stop and its reason.
+    pub command: RobotCommand,
+    /// What the others are told that the robot means to do.
+    pub intent: RobotIntent,
+    /// How it came about.
+    pub telemetry: RobotTelemetry,
+}
+
+/// Why a group could not be built.
+#[derive(Debug, thiserror::Error)]
+pub enum ControllerError {
+    /// Clarabel refused its set-up.
+    #[error("Clarabel could not be set up for {rows} rows: {reason}")]
+    Clarabel {
+        /// Rows of each kind that were asked for.
+        rows: usize,
+        /// Clarabel's own words.
+        reason: String,
+    },
+    /// The range of owned robots does not fit the fleet.
+    #[error("robots {first}..{end} are not all in a fleet of {robots}")]
+    NoSuchRobot {
+        /// First index asked for.
+        first: usize,
+        /// One past the last index asked for.
+        end: usize,
+        /// Size of the fleet.
+        robots: usize,
+    },
+}
+
+/// Everything that is the same for all robots of a fleet.
+#[derive(Debug, Clone)]
+struct Law {
+    control: ControllerConfig,
+    limits: Limits,
+    guidance: guidance::Params,
+    period_s: f64,
+    tolerance_m: f64,
+    obstacles: Vec<Obstacle>,
+}
+
+impl Law {
+    /// How far a robot has to see for every row that can bind, m.
+    fn sight_m(&self, fleet: &[RobotState], me: usize) -> f64 {
+        let largest = fleet.iter().fold(0.0f64, |r, s| r.max(s.radius_m));
+        let required = self.limits.safety_margin_m + fleet[me].radius_m + largest;
+        let rate = self.control.gamma.min(self.control.comfort_gamma);
+        let untrusted = self.period_s * self.limits.speed_mps();
+        activation_m(required + untrusted, self.limits.speed_mps(), self.period_s, rate, 0.5)
+    }
+}
+
+/// The solver of a group.
+enum AnySolver {
+    Exact(ExactSolver),
+    Clarabel(Box<ClarabelSolver>),
+}
+
+impl Solver for AnySolver {
+    fn solve(&mut self, programme: &Programme, solution: &mut Solution) -> Outcome {
+        match self {
+            Self::Exact(solver) => solver.solve(programme, solution),
+            Self::Clarabel(solver) => solver.solve(programme, solution),
+        }
+    }
+}
+
+/// Memory that the robots of a group use in turn.
+struct Workspace {
+    near: Neighbourhood,
+    programme: Programme,
+    solution: Solution,
+    solver: AnySolver,
+}
+
+/// The robots that one worker owns, with their guidance memory and the worker's solver.
+pub struct RobotGroup {
+    law: Law,
+    owned: Vec<RobotController>,
+    predicted: Vec<RobotState>,
+    workspace: Workspace,
+}
+
+impl RobotGroup {
+    /// Builds the controllers of `config.scenario.robots[owned]`.
+    ///
+    /// # Errors
+    /// When Clarabel refuses its set-up or the range does not fit the fleet.
+    pub fn new(config: &Config, owned: Range<usize>) -> Result<Self, ControllerError> {
+        let scenario = &config.scenario;
+        let robots = scenario.robots.len();
+        let Some(specs) = scenario.robots.get(owned.clone()) else {
+            return Err(ControllerError::NoSuchRobot { first: owned.start, end: owned.end, robots });
+        };
+        let control = config.controller;
+        // Each body can have one row for each direction of travel.
+        let rows = 2 * control.max_neighbours;
+        let solver = match control.solver {
+            SolverKind::Exact => AnySolver::Exact(ExactSolver),
+            SolverKind::Clarabel => {
+                let built = ClarabelSolver::new(rows)
+                    .map_err(|e| ControllerError::Clarabel { rows, reason: e.to_string() })?;
+                AnySolver::Clarabel(Box::new(built))
+            }
+        };
+        let law = Law {
+            control,
+            limits: scenario.limits,
+            guidance: guidance::Params::default(),
+            period_s: config.timing.period_s(),
+            tolerance_m: scenario.tolerance_m,
+            obstacles: scenario.obstacles.clone(),
+        };
+        Ok(Self {
+            owned: specs
+                .iter()
+                .zip(owned)
+                .map(|(spec, index)| RobotController::new(&law, spec, index))
+                .collect(),
+            law,
+            predicted: vec![RobotState::default(); robots],
+            workspace: Workspace {
+                near: Neighbourhood::with_capacity(robots),
+                programme: Programme::with_capacity(control.weights, rows),
+                solution: Solution::with_capacity(rows),
+                solver,
+            },
+        })
+    }
+
+    /// Decides for every owned robot; calls `each` with its index in the fleet.
+    ///
+    /// `fleet` are the states of `t_k` with the commands in force, one for each robot of the scenario
+    /// in its order. A slice of another length decides nothing.
+    pub fn solve(&mut self, fleet: &[RobotState], timing: Timing, mut each: impl FnMut(usize, &Decision)) {
+        self.solve_watched(fleet, timing, |index, decision, _| each(index, decision));
+    }
+
+    /// [`solve`](Self::solve) that also shows the programme behind each decision; stale where the
+    /// telemetry's status is `NotSolved`.
+    pub fn solve_watched(
+        &mut self,
+        fleet: &[RobotState],
+        timing: Timing,
+        mut each: impl FnMut(usize, &Decision, &Programme),
+    ) {
+        if fleet.len() != self.predicted.len() {
+            return;
+        }
+        for (predicted, now) in self.predicted.iter_mut().zip(fleet) {
+            *predicted = *now;
+            if timing == Timing::LogicalExecutionTime {
+                predicted.set_pose(now.arc().pose(self.law.period_s));
+            }
+        }
+        for robot in &mut self.owned {
+            let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace);
+            each(robot.index(), &decision, &self.workspace.programme);
+        }
+    }
+}

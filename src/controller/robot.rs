@@ -1,0 +1,316 @@
+//! One robot's controller: its guidance memory, and its way from the states to a decision.
+
+use super::check::against_bodies;
+use super::{Decision, Law, Workspace, rows};
+use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
+use crate::config::BarrierForm;
+use crate::geometry::{Vec2, wrap};
+use crate::guidance::{
+    self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
+};
+use crate::model::{Command, Obstacle, RobotId, RobotSpec};
+use crate::neighbours::Nearby;
+use crate::programme::{Certificate, Interval};
+use crate::solver::{Outcome, Solver, optimal_turn_rate};
+use crate::verify::Residuals;
+use crate::wire::{
+    RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason, state_flags,
+    telemetry_flags,
+};
+use std::time::Instant;
+
+/// A solution with a larger scaled KKT residual never becomes a command.
+const KKT_TOLERANCE: f64 = 1e-6;
+
+/// Obstacles further than this are of no interest to the guidance, m.
+const OBSTACLE_RANGE_M: f64 = 4.0;
+
+pub(super) struct RobotController {
+    index: usize,
+    id: RobotId,
+    memory: Memory,
+    route: Route,
+    goal_m: Vec2,
+    views: Vec<ObstacleView>,
+    near_views: Vec<ObstacleView>,
+    last_intent: RobotIntent,
+}
+
+/// What a robot is to do in this period, before the programme.
+struct Aim {
+    /// Reference of the position certificate, m.
+    reference_m: Vec2,
+    guidance: Guidance,
+    /// Stay: inside the tolerance of the goal and not asked away.
+    holding: bool,
+}
+
+fn view(obstacle: &Obstacle, keep_m: f64) -> ObstacleView {
+    match *obstacle {
+        Obstacle::Circle { centre_m, radius_m } => ObstacleView::Circle { centre_m, radius_m, keep_m },
+        Obstacle::Segment { from_m, to_m } => ObstacleView::Segment { from_m, to_m, keep_m },
+    }
+}
+
+/// An intent as it is told to the others.
+fn told(intent: &Intent, waypoint_m: Vec2) -> RobotIntent {
+    RobotIntent {
+        heading_rad: intent.heading_rad,
+        speed_mps: intent.speed_mps,
+        blocked_s: intent.blocked_s,
+        target_x_m: intent.target_m.x,
+        target_y_m: intent.target_m.y,
+        waypoint_x_m: waypoint_m.x,
+        waypoint_y_m: waypoint_m.y,
+        rank: intent.rank,
+        valid: 1,
+    }
+}
+
+/// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal.
+fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
+    let (position_m, goal_m) = (other.position_m(), other.goal_m());
+    let (intent, target_m) = if other.intent.valid == 1 {
+        let i = &other.intent;
+        let intent = Intent {
+            heading_rad: i.heading_rad,
+            speed_mps: i.speed_mps,
+            blocked_s: i.blocked_s,
+            target_m: Vec2::new(i.target_x_m, i.target_y_m),
+            rank: i.rank,
+        };
+        (intent, Vec2::new(i.waypoint_x_m, i.waypoint_y_m))
+    } else {
+        let to = goal_m - position_m;
+        let intent = Intent {
+            heading_rad: libm::atan2(to.y, to.x),
+            speed_mps: law.limits.v_max_mps,
+            blocked_s: 0.0,
+            target_m: goal_m,
+            rank: other.id,
+        };
+        (intent, goal_m)
+    };
+    Neighbour {
+        id: other.id,
+        position_m,
+        heading_rad: other.theta_rad,
+        v_mps: other.v_mps,
+        omega_radps: other.omega_radps,
+        target_m,
+        required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m,
+        arrived: arrived(law, other),
+        intent,
+    }
+}
+
+fn arrived(law: &Law, robot: &RobotState) -> bool {
+    (robot.position_m() - robot.goal_m()).norm() <= law.tolerance_m
+}
+
+impl RobotController {
+    pub(super) fn new(law: &Law, spec: &RobotSpec, index: usize) -> Self {
+        let keep_m = law.limits.safety_margin_m + spec.radius_m;
+        let views: Vec<ObstacleView> = law.obstacles.iter().map(|o| view(o, keep_m)).collect();
+        Self {
+            index,
+            id: spec.id,
+            memory: Memory::default(),
+            route: Route::build(&views, spec.goal_m),
+            goal_m: spec.goal_m,
+            near_views: Vec::with_capacity(views.len()),
+            views,
+            last_intent: RobotIntent::default(),
+        }
+    }
+
+    pub(super) fn index(&self) -> usize {
+        self.index
+    }
+
+    /// The whole step for one period.
+    pub(super) fn decide(&mut self, law: &Law, fleet: &[RobotState], work: &mut Workspace) -> Decision {
+        let started = Instant::now();
+        let own = &fleet[self.index];
+        let mut telemetry =
+            RobotTelemetry { id: self.id.0, clearance_m: f64::INFINITY, ..RobotTelemetry::default() };
+        let command = if own.has(state_flags::VALID) {
+            match self.solve(law, fleet, work, &mut telemetry) {
+                Ok(command) => RobotCommand::verified(self.id, command),
+                Err(reason) => RobotCommand::stop(self.id, reason),
+            }
+        } else {
+            RobotCommand::stop(self.id, StopReason::NoState)
+        };
+        telemetry.stop_reason = command.stop_reason;
+        (telemetry.v_mps, telemetry.omega_radps) = (command.v_mps, command.omega_radps);
+        telemetry.step_ns = nanoseconds(started);
+        Decision { command, intent: self.last_intent, telemetry }
+    }
+
+    fn solve(
+        &mut self,
+        law: &Law,
+        fleet: &[RobotState],
+        work: &mut Workspace,
+        telemetry: &mut RobotTelemetry,
+    ) -> Result<Command, StopReason> {
+        let own = &fleet[self.index];
+        let near =
+            work.near.gather(fleet, self.index, law.guidance.range_m.max(law.sight_m(fleet, self.index)));
+        telemetry.clearance_m = clearance(law, fleet, self.index, near);
+        let aim = self.aim(law, fleet, near);
+        self.note(law, &aim, telemetry);
+
+        let programme = &mut work.programme;
+        programme.clear_rows();
+        programme.omega_radps = Interval { min: law.limits.omega_min_radps, max: law.limits.omega_max_radps };
+        let cap = if aim.holding { 0.0 } else { aim.guidance.speed_cap_mps.clamp(0.0, law.limits.v_max_mps) };
+        programme.v_mps = Interval { min: law.limits.v_min_mps.max(-cap), max: cap };
+        (programme.position, programme.heading) = self.certificates(law, own, &aim, telemetry);
+
+        // Form F1 needs ω before the rows in v: the programme separates, so ω is already decided.
+        let omega = match law.control.barrier {
+            BarrierForm::Exact => optimal_turn_rate(programme),
+            BarrierForm::Linear => 0.0,
+        };
+        if !rows::fill(law, fleet, self.index, near, omega, programme) {
+            return Err(StopReason::Crowded);
+        }
+        telemetry.safety_rows = u32::try_from(programme.safety.len()).unwrap_or(u32::MAX);
+
+        let started = Instant::now();
+        let outcome = work.solver.solve(programme, &mut work.solution);
+        telemetry.solve_ns = nanoseconds(started);
+        if outcome != Outcome::Solved {
+            telemetry.status = SolveStatus::Failed as u32;
+            return Err(StopReason::Solver);
+        }
+        let solution = &work.solution;
+        let residual = Residuals::of(programme, solution).max();
+        telemetry.kkt_residual = residual;
+        telemetry.slack_position_m2 = solution.slack_position;
+        telemetry.slack_heading = solution.slack_heading;
+        telemetry.slack_comfort_m = solution.slack_comfort.iter().sum();
+        let active = solution.dual_safety.iter().chain(&solution.dual_comfort).chain(&solution.dual_v);
+        telemetry.active_rows = u32::try_from(active.filter(|d| **d > 0.0).count()).unwrap_or(u32::MAX);
+
+        let mut command = Command {
+            v_mps: solution.v_mps.clamp(programme.v_mps.min, programme.v_mps.max),
+            omega_radps: solution.omega_radps.clamp(programme.omega_radps.min, programme.omega_radps.max),
+        };
+        // An interior point solution may stand on the wrong side of a row by its tolerance.
+        let limit = against_bodies(law, fleet, self.index, near, command).speed_limit_mps;
+        command.v_mps = command.v_mps.clamp(-limit, limit);
+        let safe = against_bodies(law, fleet, self.index, near, command).safe;
+        let close = (command.v_mps - solution.v_mps).abs() <= KKT_TOLERANCE * (1.0 + solution.v_mps.abs());
+        if !safe || !close || residual > KKT_TOLERANCE {
+            telemetry.status = SolveStatus::Refused as u32;
+            return Err(StopReason::Unverified);
+        }
+        telemetry.status = SolveStatus::Verified as u32;
+        Ok(command)
+    }
+
+    /// Asks the guidance.
+    fn aim(&mut self, law: &Law, fleet: &[RobotState], near: &[Nearby]) -> Aim {
+        let own = &fleet[self.index];
+        let here = own.position_m();
+        if own.goal_m() != self.goal_m {
+            // A new goal: its route is rebuilt outside of the period; until then, straight there.
+            self.goal_m = own.goal_m();
+            self.route = Route::direct(self.goal_m);
+        }
+        let mut neighbours = [Neighbour::default(); NEIGHBOURS_MAX];
+        let mut count = 0;
+        for (slot, n) in neighbours.iter_mut().zip(near) {
+            *slot = seen(law, own, &fleet[n.index]);
+            count += 1;
+        }
+        self.near_views.clear();
+        self.near_views.extend(self.views.iter().filter(|o| o.clearance(here).1 < OBSTACLE_RANGE_M));
+        self.near_views.sort_unstable_by(|a, b| a.clearance(here).1.total_cmp(&b.clearance(here).1));
+        self.near_views.truncate(OBSTACLES_MAX);
+
+        let (target_m, beyond_m) = self.route.target(here, &self.views);
+        let ego = Ego {
+            id: self.id.0,
+            position_m: here,
+            heading_rad: own.theta_rad,
+            radius_m: own.radius_m,
+            target_m,
+            beyond_m,
+            v_mps: own.v_mps,
+            omega_radps: own.omega_radps,
+            arrived: arrived(law, own),
+        };
+        let limits = guidance::Limits {
+            v_max_mps: law.limits.v_max_mps,
+            omega_max_radps: law.limits.omega_max_radps.min(-law.limits.omega_min_radps),
+            period_s: law.period_s,
+        };
+        let guidance = guidance::guide(
+            &ego,
+            &neighbours[..count],
+            &self.near_views,
+            &limits,
+            &law.guidance,
+            &mut self.memory,
+        );
+        self.last_intent = told(&guidance.intent, target_m);
+        Aim { reference_m: guidance.reference_m, holding: ego.arrived && !guidance.leave_goal, guidance }
+    }
+
+    /// The certificates (28) and (31) for the aim.
+    fn certificates(
+        &self,
+        law: &Law,
+        own: &RobotState,
+        aim: &Aim,
+        telemetry: &mut RobotTelemetry,
+    ) -> (Certificate, Certificate) {
+        if aim.holding {
+            // Inside the tolerance nothing is asked, and the heading is frozen: the bearing to the
+            // goal is singular there.
+            return (Certificate::default(), Certificate::default());
+        }
+        let decrease = Decrease::of(&law.control);
+        let offset = aim.reference_m - own.position_m();
+        let distance_m = offset.norm();
+        let along_m = offset.dot(&own.pose().heading());
+        let p = PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &decrease);
+        let error_rad = wrap(own.theta_rad - offset.y.atan2(offset.x));
+        let turn_rate = law.limits.turn_rate_radps();
+        let h = HeadingCertificate::new(error_rad, law.period_s, turn_rate, &decrease);
+        telemetry.lyapunov_position_m2 = p.lyapunov_m2;
+        telemetry.decrease_position_m2 = p.decrease_m2;
+        telemetry.lyapunov_heading = h.lyapunov;
+        telemetry.decrease_heading = h.decrease;
+        (
+            Certificate { linear: p.linear, curvature: p.curvature, decrease: p.decrease_m2 },
+            Certificate { linear: h.linear, curvature: h.curvature, decrease: h.decrease },
+        )
+    }
+
+    fn note(&self, law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
+        let g = &aim.guidance;
+        telemetry.reference_rotation_rad = g.beta_rad;
+        telemetry.speed_cap_mps = g.speed_cap_mps.min(law.limits.v_max_mps);
+        let bit = |on: bool, bit: u32| if on { bit } else { 0 };
+        telemetry.flags = bit(g.stalled, telemetry_flags::STALLED)
+            | bit(g.leave_goal, telemetry_flags::GIVING_WAY)
+            | bit(aim.holding, telemetry_flags::HOLDING);
+    }
+}
+
+/// min over the others of d − ρ at this instant, m.
+fn clearance(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> f64 {
+    let own = &fleet[me];
+    let to = |n: &Nearby| n.distance_m - law.limits.safety_margin_m - own.radius_m - fleet[n.index].radius_m;
+    near.iter().map(to).fold(f64::INFINITY, f64::min)
+}
+
+/// Time since `started`, ns. The clock is read through the vDSO: no system call.
+fn nanoseconds(started: Instant) -> u64 {
+    u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,124 @@
+//! The barrier rows of one robot: what every body near it leaves of its speed.
+
+use super::Law;
+use crate::certificate::barrier::{Approach, activation_m, approach_exact, approach_linear, budget_m};
+use crate::config::BarrierForm;
+use crate::geometry::{Vec2, wrap};
+use crate::neighbours::Nearby;
+use crate::programme::{Programme, Row};
+use crate::wire::{RobotState, state_flags};
+
+/// A body that a robot has to keep away from, reduced to what a row needs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Body {
+    /// Unit vector from the body to the robot.
+    pub(super) normal: Vec2,
+    /// Distance left beyond the required one, m.
+    pub(super) gap_m: f64,
+    /// Part of the gap that this robot may use: ½ against one that does the same, 1 against what
+    /// stands still.
+    pub(super) share: f64,
+}
+
+/// Distances below this have no direction, m.
+const COINCIDENT_M: f64 = 1e-9;
+
+/// Extra gap kept from a robot whose state is not trusted, in periods of full speed: it has been
+/// told to stop, and may still be using up its last command.
+const UNTRUSTED_PERIODS: f64 = 1.0;
+
+/// A direction for coincident centres: opposite for the two robots, so that they may part.
+fn away(offset: Vec2, distance_m: f64, me: u32, other: u32) -> Vec2 {
+    if distance_m > COINCIDENT_M {
+        offset / distance_m
+    } else if me < other {
+        Vec2::new(1.0, 0.0)
+    } else {
+        Vec2::new(-1.0, 0.0)
+    }
+}
+
+/// The bodies whose rows can bind, nearest robots first, then obstacles.
+pub(super) fn bodies<'a>(
+    law: &'a Law,
+    fleet: &'a [RobotState],
+    me: usize,
+    near: &'a [Nearby],
+    rate: f64,
+) -> impl Iterator<Item = Body> + 'a {
+    let own = &fleet[me];
+    let here = own.position_m();
+    let reach = move |required_m: f64, share: f64| {
+        activation_m(required_m, law.limits.speed_mps(), law.period_s, rate, share)
+    };
+    let robots = near.iter().filter_map(move |n| {
+        let other = &fleet[n.index];
+        let mut required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m;
+        if !other.has(state_flags::VALID) {
+            required_m += UNTRUSTED_PERIODS * law.period_s * law.limits.speed_mps();
+        }
+        (n.distance_m <= reach(required_m, 0.5)).then(|| Body {
+            normal: away(here - other.position_m(), n.distance_m, own.id, other.id),
+            gap_m: n.distance_m - required_m,
+            share: 0.5,
+        })
+    });
+    let obstacles = law.obstacles.iter().filter_map(move |obstacle| {
+        let required_m = law.limits.safety_margin_m + own.radius_m + obstacle.reach_m();
+        let offset = here - obstacle.closest_core_point(here);
+        let distance_m = offset.norm();
+        (distance_m <= reach(required_m, 1.0)).then(|| Body {
+            normal: away(offset, distance_m, 0, 1),
+            gap_m: distance_m - required_m,
+            share: 1.0,
+        })
+    });
+    robots.chain(obstacles)
+}
+
+/// How fast a body is approached by unit speed at the turn rate `omega_radps`.
+pub(super) fn approach(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
+    let (sin, cos) = theta_rad.sin_cos();
+    match law.control.barrier {
+        BarrierForm::Linear => {
+            let (n, h) = (body.normal, Vec2::new(cos, sin));
+            approach_linear(n.dot(&h), n.perp(&h), law.limits.turn_rate_radps(), law.period_s)
+        }
+        BarrierForm::Exact => approach_at(theta_rad, omega_radps, body, law.period_s),
+    }
+}
+
+/// The exact form, whatever the programme used.
+pub(super) fn approach_at(theta_rad: f64, omega_radps: f64, body: &Body, period_s: f64) -> Approach {
+    let bearing = body.normal.y.atan2(body.normal.x);
+    approach_exact(wrap(theta_rad - bearing), omega_radps, period_s)
+}
+
+/// Fills the safety and comfort rows; false when there is no room for all of them.
+pub(super) fn fill(
+    law: &Law,
+    fleet: &[RobotState],
+    me: usize,
+    near: &[Nearby],
+    omega_radps: f64,
+    programme: &mut Programme,
+) -> bool {
+    let theta_rad = fleet[me].theta_rad;
+    // The smaller rate reaches further: one sweep serves both kinds of rows.
+    let rate = law.control.gamma.min(law.control.comfort_gamma);
+    for body in bodies(law, fleet, me, near, rate) {
+        let approach = approach(law, theta_rad, omega_radps, &body);
+        let safety = budget_m(body.gap_m, law.control.gamma, body.share);
+        let comfort = budget_m(body.gap_m, law.control.comfort_gamma, body.share);
+        let mut push = |coefficient: f64, speed_mps: f64| {
+            // A row that full speed cannot reach does not bind.
+            let binds = |bound: f64| coefficient.abs() * speed_mps > bound;
+            (!binds(safety) || programme.push_safety(Row { coefficient, bound: safety }))
+                && (!binds(comfort) || programme.push_comfort(Row { coefficient, bound: comfort }))
+        };
+        if !push(approach.forward, law.limits.v_max_mps) || !push(-approach.backward, -law.limits.v_min_mps) {
+            return false;
+        }
+    }
+    true
+}

@@ -1,0 +1,126 @@
+//! Closed loop under a virtual clock, as fast as the machine allows.
+//!
+//! The same controller as the daemon's, around the exact plant. Reads a [`Config`], writes one
+//! [`Evaluation`]. Deterministic: everything but the measured times depends on the configuration
+//! alone.
+
+use crate::config::Config;
+use crate::controller::{ControllerError, RobotGroup, Timing};
+use crate::figures::{Accumulator, ControlFigures, LatencyHistogram, LatencyNs};
+use crate::model::Command;
+use crate::wire::{RobotState, state_flags};
+use serde::Serialize;
+
+/// The result of one closed-loop run: one object of the command `eval`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Name of the profile.
+    pub profile: &'static str,
+    /// Name of the solver.
+    pub solver: &'static str,
+    /// What the robots did.
+    #[serde(flatten)]
+    pub figures: ControlFigures,
+    /// Robots that were told to stop by a fallback, summed over the periods.
+    pub fallback_commands: u64,
+    /// Time for the solver alone, ns.
+    pub solve_ns: LatencyNs,
+    /// Mean time for a robot's whole step, ns.
+    pub step_ns_per_robot: u64,
+}
+
+impl Evaluation {
+    /// Every robot arrived and no pair came closer than it may.
+    pub fn passed(&self) -> bool {
+        self.figures.arrived == self.figures.robots && self.figures.violations == 0
+    }
+}
+
+/// Why a run could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum EvaluationError {
+    /// The controller could not be built.
+    #[error(transparent)]
+    Controller(#[from] ControllerError),
+    /// A histogram could not be built.
+    #[error("a histogram could not be set up: {0}")]
+    Histogram(#[from] hdrhistogram::errors::CreationError),
+}
+
+/// The states at the start of a scenario, nobody moving.
+pub fn initial_fleet(config: &Config) -> Vec<RobotState> {
+    let state = |spec: &crate::model::RobotSpec| {
+        let mut state = RobotState {
+            id: spec.id.0,
+            flags: state_flags::VALID,
+            goal_x_m: spec.goal_m.x,
+            goal_y_m: spec.goal_m.y,
+            radius_m: spec.radius_m,
+            ..RobotState::default()
+        };
+        state.set_pose(spec.start);
+        state
+    };
+    config.scenario.robots.iter().map(state).collect()
+}
+
+/// Runs `config.scenario` until everybody has arrived and stands, or its time is up.
+///
+/// `each` sees the states of every period with the commands that act over it.
+///
+/// # Errors
+/// When the controller cannot be built.
+pub fn run(
+    config: &Config,
+    timing: Timing,
+    mut each: impl FnMut(u64, &[RobotState]),
+) -> Result<Evaluation, EvaluationError> {
+    let period_s = config.timing.period_s();
+    let mut fleet = initial_fleet(config);
+    let mut group = RobotGroup::new(config, 0..fleet.len())?;
+    let mut figures = Accumulator::new(&config.scenario, period_s);
+    let mut solve_ns = LatencyHistogram::new()?;
+    let (mut step_ns, mut steps, mut fallback_commands) = (0u64, 0u64, 0u64);
+    let mut next: Vec<RobotState> = fleet.clone();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a checked, finite duration
+    let limit = config.timing.ticks.unwrap_or((config.scenario.duration_s / period_s).ceil() as u64);
+
+    for tick in 0..limit {
+        next.copy_from_slice(&fleet);
+        group.solve(&fleet, timing, |index, decision| {
+            next[index].set_command(decision.command.command());
+            next[index].intent = decision.intent;
+            figures.observe_solve(index, &decision.telemetry);
+            solve_ns.record(decision.telemetry.solve_ns);
+            step_ns += decision.telemetry.step_ns;
+            steps += 1;
+            fallback_commands += u64::from(decision.command.stop_reason != 0);
+        });
+        if timing == Timing::Ideal {
+            fleet.copy_from_slice(&next);
+        }
+        figures.observe_period(tick, &fleet);
+        each(tick, &fleet);
+        let standing = |robot: &RobotState| robot.command() == Command::STOP;
+        if figures.arrived() == fleet.len() && fleet.iter().chain(&next).all(standing) {
+            break;
+        }
+        // The period passes under the commands in force; then the new ones take over.
+        for (robot, new) in fleet.iter_mut().zip(&next) {
+            robot.set_pose(robot.arc().pose(period_s));
+            robot.set_command(new.command());
+            robot.intent = new.intent;
+        }
+    }
+    Ok(Evaluation {
+        scenario: config.scenario.name.clone(),
+        profile: config.controller.profile.name(),
+        solver: config.controller.solver.name(),
+        figures: figures.finish(),
+        fallback_commands,
+        solve_ns: solve_ns.summary(),
+        step_ns_per_robot: step_ns / steps.max(1),
+    })
+}

@@ -1,0 +1,235 @@
+//! The figures of merit of a run, from its states and telemetry.
+//!
+//! Used by the evaluation, by the daemon's report and by tests. Reads one fleet state a period, whose
+//! commands in force make it the motion over that period, and writes [`ControlFigures`]. Clearance is
+//! the minimum over **continuous** time and all pairs, from the exact arcs. Nothing allocates after
+//! [`Accumulator::new`]; a period costs one distance for every pair and one exact minimum for every
+//! pair that could lower the minimum.
+
+mod latency;
+
+pub use latency::{LatencyHistogram, LatencyNs};
+
+use crate::geometry::{Vec2, min_distance_arcs};
+use crate::model::{Limits, Obstacle, RobotSpec};
+use crate::scenario::Scenario;
+use crate::wire::{RobotState, RobotTelemetry, SolveStatus, telemetry_flags};
+use serde::Serialize;
+
+/// A pair closer than this below its required distance counts as violated, m.
+pub const VIOLATION_M: f64 = -1e-9;
+
+/// Slack above this share of the decrease asked for counts as active.
+const SLACK_ACTIVE: f64 = 1e-6;
+
+/// The figures of one run that do not depend on the machine's speed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ControlFigures {
+    /// Robots in the fleet.
+    pub robots: usize,
+    /// Robots that were inside the tolerance at the end.
+    pub arrived: usize,
+    /// Robots that at some time made no progress for more than a second away from their goal.
+    pub stalled: usize,
+    /// Pairs, of robots or of a robot and an obstacle, that came closer than they may.
+    pub violations: usize,
+    /// Minimum over continuous time and all pairs of the distance beyond the required one, m; null
+    /// when there is no pair.
+    pub min_clearance_m: Option<f64>,
+    /// Periods of the run.
+    pub steps: u64,
+    /// Last arrival, s; null if a robot did not arrive.
+    pub makespan_s: Option<f64>,
+    /// Mean arrival of those that arrived, s; null if none did.
+    pub mean_arrival_s: Option<f64>,
+    /// Mean over the robots that had to move and arrived of arrival time / (straight-line distance /
+    /// v_max); null if there is none.
+    pub arrival_ratio: Option<f64>,
+    /// The same mean of the length driven / straight-line distance.
+    pub path_ratio: Option<f64>,
+    /// Mean over the robots of ∫|dω|, rad/s (the variation of the turn rate).
+    pub omega_variation_rad: f64,
+    /// Share of the solved programmes whose position certificate needed its slack.
+    pub slack_active_fraction: f64,
+}
+
+/// One robot's running sums.
+#[derive(Debug, Clone, Copy)]
+struct Track {
+    start_m: Vec2,
+    goal_m: Vec2,
+    radius_m: f64,
+    /// Time of the last entry into the tolerance, s; `None` outside.
+    arrived_s: Option<f64>,
+    driven_m: f64,
+    omega_radps: f64,
+    omega_variation: f64,
+    stalled: bool,
+}
+
+/// Collects a run's figures.
+#[derive(Debug, Clone)]
+pub struct Accumulator {
+    period_s: f64,
+    tolerance_m: f64,
+    limits: Limits,
+    obstacles: Vec<Obstacle>,
+    tracks: Vec<Track>,
+    /// One bit for each pair of robots and each robot and obstacle.
+    violated: Vec<u64>,
+    violations: usize,
+    min_clearance_m: f64,
+    steps: u64,
+    solved: u64,
+    slack_active: u64,
+}
+
+impl Accumulator {
+    /// An empty collection for `scenario` at a period of `period_s` seconds.
+    pub fn new(scenario: &Scenario, period_s: f64) -> Self {
+        let n = scenario.robots.len();
+        let track = |spec: &RobotSpec| Track {
+            start_m: spec.start.position_m,
+            goal_m: spec.goal_m,
+            radius_m: spec.radius_m,
+            arrived_s: None,
+            driven_m: 0.0,
+            omega_radps: 0.0,
+            omega_variation: 0.0,
+            stalled: false,
+        };
+        Self {
+            period_s,
+            tolerance_m: scenario.tolerance_m,
+            limits: scenario.limits,
+            obstacles: scenario.obstacles.clone(),
+            tracks: scenario.robots.iter().map(track).collect(),
+            violated: vec![0; (n * (n + scenario.obstacles.len())).div_ceil(64)],
+            violations: 0,
+            min_clearance_m: f64::INFINITY,
+            steps: 0,
+            solved: 0,
+            slack_active: 0,
+        }
+    }
+
+    /// Adds the period that starts at `tick` with `fleet` and its commands in force.
+    ///
+    /// Ticks may have gaps: time is counted from tick 0. `fleet` is in the scenario's order.
+    pub fn observe_period(&mut self, tick: u64, fleet: &[RobotState]) {
+        let now_s = tick as f64 * self.period_s;
+        self.steps += 1;
+        for (track, state) in self.tracks.iter_mut().zip(fleet) {
+            track.goal_m = state.goal_m();
+            let inside = (state.position_m() - track.goal_m).norm() <= self.tolerance_m;
+            track.arrived_s = inside.then_some(track.arrived_s.unwrap_or(now_s));
+            track.driven_m += state.v_mps.abs() * self.period_s;
+            track.omega_variation += (state.omega_radps - track.omega_radps).abs();
+            track.omega_radps = state.omega_radps;
+        }
+        for i in 0..fleet.len().min(self.tracks.len()) {
+            self.pairs_of(i, fleet);
+            self.obstacles_of(i, fleet);
+        }
+    }
+
+    /// Adds one robot's solve.
+    pub fn observe_solve(&mut self, index: usize, telemetry: &RobotTelemetry) {
+        if let Some(track) = self.tracks.get_mut(index) {
+            track.stalled |= telemetry.flags & telemetry_flags::STALLED != 0;
+        }
+        if telemetry.status == SolveStatus::Verified as u32 {
+            self.solved += 1;
+            let needed = SLACK_ACTIVE * (telemetry.decrease_position_m2 + f64::MIN_POSITIVE);
+            self.slack_active += u64::from(telemetry.slack_position_m2 > needed);
+        }
+    }
+
+    fn pairs_of(&mut self, i: usize, fleet: &[RobotState]) {
+        let a = &fleet[i];
+        let arc = a.arc();
+        for (j, b) in fleet.iter().enumerate().take(i) {
+            let required = self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m;
+            let apart = (a.position_m() - b.position_m()).norm() - required;
+            // Neither this minimum nor a violation can come from further away than they can drive.
+            let reach = (a.v_mps.abs() + b.v_mps.abs()) * self.period_s;
+            if apart - reach > self.min_clearance_m.max(0.0) {
+                continue;
+            }
+            let clearance = min_distance_arcs(&arc, &b.arc(), self.period_s).upper_m - required;
+            self.note(i * fleet.len() + j, clearance);
+        }
+    }
+
+    fn obstacles_of(&mut self, i: usize, fleet: &[RobotState]) {
+        let arc = fleet[i].arc();
+        let robots = fleet.len();
+        for k in 0..self.obstacles.len() {
+            let obstacle = self.obstacles[k];
+            let required = self.limits.safety_margin_m + self.tracks[i].radius_m + obstacle.reach_m();
+            let apart = obstacle.core_distance(arc.start.position_m) - required;
+            if apart - arc.v_mps.abs() * self.period_s > self.min_clearance_m.max(0.0) {
+                continue;
+            }
+            let clearance = obstacle.min_core_distance(&arc, self.period_s).upper_m - required;
+            self.note(robots * robots + i * self.obstacles.len() + k, clearance);
+        }
+    }
+
+    fn note(&mut self, pair: usize, clearance_m: f64) {
+        self.min_clearance_m = self.min_clearance_m.min(clearance_m);
+        if clearance_m < VIOLATION_M {
+            let (word, bit) = (pair / 64, 1u64 << (pair % 64));
+            if self.violated[word] & bit == 0 {
+                self.violated[word] |= bit;
+                self.violations += 1;
+            }
+        }
+    }
+
+    /// Robots inside the tolerance of their goal in the last period.
+    pub fn arrived(&self) -> usize {
+        self.tracks.iter().filter(|t| t.arrived_s.is_some()).count()
+    }
+
+    /// Pairs that came closer than they may so far.
+    pub fn violations(&self) -> usize {
+        self.violations
+    }
+
+    /// Smallest clearance so far, m; +∞ without a pair.
+    pub fn min_clearance_m(&self) -> f64 {
+        self.min_clearance_m
+    }
+
+    /// The figures so far.
+    pub fn finish(&self) -> ControlFigures {
+        let arrivals = || self.tracks.iter().filter_map(|t| t.arrived_s.map(|s| (t, s)));
+        let mean = |values: &mut dyn Iterator<Item = f64>| {
+            let (sum, count) = values.fold((0.0, 0u32), |(sum, count), x| (sum + x, count + 1));
+            (count > 0).then(|| sum / f64::from(count))
+        };
+        let straight = |t: &Track| (t.goal_m - t.start_m).norm();
+        let moved = || arrivals().filter(|(t, _)| straight(t) > self.tolerance_m);
+        let v_max = self.limits.v_max_mps;
+        let all = self.arrived() == self.tracks.len();
+        ControlFigures {
+            robots: self.tracks.len(),
+            arrived: self.arrived(),
+            stalled: self.tracks.iter().filter(|t| t.stalled).count(),
+            violations: self.violations,
+            min_clearance_m: self.min_clearance_m.is_finite().then_some(self.min_clearance_m),
+            steps: self.steps,
+            makespan_s: all.then(|| arrivals().map(|(_, s)| s).fold(0.0, f64::max)),
+            mean_arrival_s: mean(&mut arrivals().map(|(_, s)| s)),
+            arrival_ratio: mean(&mut moved().map(|(t, s)| s * v_max / straight(t))),
+            path_ratio: mean(&mut moved().map(|(t, _)| t.driven_m / straight(t))),
+            omega_variation_rad: mean(&mut self.tracks.iter().map(|t| t.omega_variation)).unwrap_or(0.0),
+            slack_active_fraction: if self.solved == 0 {
+                0.0
+            } else {
+                self.slack_active as f64 / self.solved as f64
+            },
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Route around static obstacles: visibility graph of inflated obstacles, shortest-path tree rooted at the goal.
+//!
+//! Built when the goal or the obstacles change (allocates). Per tick `target` looks at every node once (no allocation).
+
+use super::types::*;
+use nalgebra::Vector2;
+use std::f64::consts::PI;
+
+/// Corners of the polygon put around a circle or the end of a segment.
+const CORNERS: u32 = 8;
+/// Room the route leaves beyond the required distance.
+const NODE_ROOM_M: f64 = 0.08;
+const SIGHT_ROOM_M: f64 = 0.03;
+/// What the robot itself needs: less, or it would lose sight of the way through a narrow gap.
+const ROBOT_ROOM_M: f64 = 0.005;
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    position_m: Vector2<f64>,
+    /// Route length from here to the goal; infinite when there is none.
+    to_goal_m: f64,
+}
+
+/// Shortest ways to one goal for one robot radius.
+#[derive(Clone, Debug)]
+pub struct Route {
+    goal_m: Vector2<f64>,
+    nodes: Vec<Node>,
+}
+
+impl Route {
+    /// The way straight to the goal, whatever stands in between. Does not allocate.
+    pub fn direct(goal_m: Vector2<f64>) -> Self {
+        Self { goal_m, nodes: Vec::new() }
+    }
+
+    pub fn build(obstacles: &[ObstacleView], goal_m: Vector2<f64>) -> Self {
+        let mut points = Vec::new();
+        for o in obstacles {
+            match *o {
+                ObstacleView::Circle { centre_m, radius_m, keep_m } => {
+                    corners(centre_m, radius_m + keep_m, &mut points)
+                }
+                ObstacleView::Segment { from_m, to_m, keep_m } => {
+                    corners(from_m, keep_m, &mut points);
+                    corners(to_m, keep_m, &mut points);
+                }
+            }
+        }
+        points.retain(|p| obstacles.iter().all(|o| o.clearance(*p).1 >= SIGHT_ROOM_M));
+        let mut nodes: Vec<Node> =
+            points.into_iter().map(|position_m| Node { position_m, to_goal_m: f64::INFINITY }).collect();
+        for n in &mut nodes {
+            if sees(n.position_m, goal_m, SIGHT_ROOM_M, obstacles) {
+                n.to_goal_m = (n.position_m - goal_m).norm();
+            }
+        }
+        // Dijkstra over an implicit graph: small, and only at start.
+        let mut done = vec![false; nodes.len()];
+        loop {
+            let next = (0..nodes.len())
+                .filter(|&i| !done[i] && nodes[i].to_goal_m.is_finite())
+                .min_by(|&a, &b| nodes[a].to_goal_m.total_cmp(&nodes[b].to_goal_m));
+            let Some(i) = next else { break };
+            done[i] = true;
+            for k in 0..nodes.len() {
+                let through = nodes[i].to_goal_m + (nodes[k].position_m - nodes[i].position_m).norm();
+                if !done[k]
+                    && through < nodes[k].to_goal_m
+                    && sees(nodes[k].position_m, nodes[i].position_m, SIGHT_ROOM_M, obstacles)
+                {
+                    nodes[k].to_goal_m = through;
+                }
+            }
+        }
+        nodes.retain(|n| n.to_goal_m.is_finite());
+        Self { goal_m, nodes }
+    }
+
+    /// Where to steer from `p`, and the route length left beyond that point.
+    pub fn target(&self, p: Vector2<f64>, obstacles: &[ObstacleView]) -> (Vector2<f64>, f64) {
+        if self.nodes.is_empty() || sees(p, self.goal_m, ROBOT_ROOM_M, obstacles) {
+            return (self.goal_m, 0.0);
+        }
+        let mut best = (self.goal_m, 0.0);
+        let mut best_length = f64::INFINITY;
+        for n in &self.nodes {
+            let leg = (n.position_m - p).norm();
+            // A node already reached would stop the robot there.
+            if leg < 0.15
+                || leg + n.to_goal_m >= best_length
+                || !sees(p, n.position_m, ROBOT_ROOM_M, obstacles)
+            {
+                continue;
+            }
+            best = (n.position_m, n.to_goal_m);
+            best_length = leg + n.to_goal_m;
+        }
+        best
+    }
+}
+
+fn corners(centre: Vector2<f64>, keep: f64, out: &mut Vec<Vector2<f64>>) {
+    let radius = (keep + NODE_ROOM_M) / libm::cos(PI / f64::from(CORNERS));
+    for k in 0..CORNERS {
+        out.push(centre + unit(2.0 * PI * (f64::from(k) + 0.5) / f64::from(CORNERS)) * radius);
+    }
+}
+
+/// Whether the straight way keeps clear of every obstacle (never asking more than `p` itself has).
+fn sees(p: Vector2<f64>, q: Vector2<f64>, room_m: f64, obstacles: &[ObstacleView]) -> bool {
+    obstacles.iter().all(|o| {
+        let have = o.clearance(p).1.min(o.clearance(q).1);
+        let room = room_m.min(0.95 * have);
+        match *o {
+            ObstacleView::Circle { centre_m, radius_m, keep_m } => {
+                (nearest_on_segment(p, q, centre_m) - centre_m).norm() >= radius_m + keep_m + room
+            }
+            ObstacleView::Segment { from_m, to_m, keep_m } => {
+                segment_distance(p, q, from_m, to_m) >= keep_m + room
+            }
+        }
+    })
+}
+
+fn segment_distance(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> f64 {
+    let (ab, cd) = (b - a, d - c);
+    let crossing = cross(ab, c - a) * cross(ab, d - a) < 0.0 && cross(cd, a - c) * cross(cd, b - c) < 0.0;
+    if crossing {
+        return 0.0;
+    }
+    let ends = |p: Vector2<f64>, q: Vector2<f64>, x: Vector2<f64>| (nearest_on_segment(p, q, x) - x).norm();
+    ends(a, b, c).min(ends(a, b, d)).min(ends(c, d, a)).min(ends(c, d, b))
+}
