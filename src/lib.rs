@@ -25,6 +25,7 @@
 //! | exact unicycle arcs, angles, continuous-time distance | [`geometry`] |
 //! | robots, inputs, limits, obstacles | [`model`] |
 //! | the records that cross shared memory | [`wire`] |
+//! | settings read so that errors name file, line and key | [`document`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
 //! | who is near | [`neighbours`] |
@@ -55,6 +56,7 @@ pub mod channel;
 pub mod clock;
 pub mod config;
 pub mod controller;
+pub mod document;
 pub mod evaluation;
 pub mod figures;
 pub mod geometry;

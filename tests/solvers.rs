@@ -1,11 +1,15 @@
 //! One conformance suite, run against every solver.
 
-use clearway::config::Weights;
+use clearway::config::{Config, Weights};
+use clearway::controller::{RobotGroup, Timing};
+use clearway::evaluation;
 use clearway::programme::{Certificate, Interval, Programme, Row, Solution};
+use clearway::scenario::Scenario;
 use clearway::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
 use clearway::verify::Residuals;
 
 const CAPACITY: usize = 16;
+const LARGE: usize = 128;
 
 /// SplitMix64: the draws are the same on every machine.
 struct Draw(u64);
@@ -105,12 +109,47 @@ impl Worst {
     }
 }
 
+/// The programmes that robots meet on their way through a scenario.
+fn closed_loop_programmes(name: &str) -> Vec<Programme> {
+    let config = Config::new(Scenario::builtin(name).unwrap());
+    let mut fleet = evaluation::initial_fleet(&config);
+    let mut group = RobotGroup::new(&config, 0..fleet.len()).unwrap();
+    let mut programmes = Vec::new();
+    for _ in 0..120 {
+        let mut next = fleet.clone();
+        group.solve_watched(&fleet, Timing::LogicalExecutionTime, |index, decision, programme| {
+            next[index].set_command(decision.command.command());
+            next[index].intent = decision.intent;
+            programmes.push(programme.clone());
+        });
+        for (robot, new) in fleet.iter_mut().zip(&next) {
+            robot.set_pose(robot.arc().pose(config.timing.period_s()));
+            robot.set_command(new.command());
+            robot.intent = new.intent;
+        }
+    }
+    programmes
+}
+
+#[test]
+fn clarabel_agrees_with_the_exact_solver_on_the_programmes_of_closed_loops() {
+    for name in ["swap8", "swap8-zero", "circle-20", "random-20-3"] {
+        let programmes = closed_loop_programmes(name);
+        let mut next = programmes.iter();
+        let (raw, polished) = compare(programmes.len(), 0, |_| next.next().unwrap().clone());
+        println!("{name} {} raw {raw:?}\n   polished {polished:?}", programmes.len());
+        assert_eq!(raw.not_solved, 0, "{name}");
+        assert!(raw.objective_rel < 1e-6, "{name} {raw:?}");
+        assert!(polished.objective_rel < 1e-6 && polished.input < 1e-6, "{name} {polished:?}");
+    }
+}
+
 /// Compares Clarabel, as it is and with its last digits polished, with the exact solver.
 fn compare(count: usize, seed: u64, mut next: impl FnMut(&mut Draw) -> Programme) -> (Worst, Worst) {
     let mut draw = Draw(seed);
-    let mut raw = ClarabelSolver::new(CAPACITY).unwrap().without_polish();
-    let mut polished = ClarabelSolver::new(CAPACITY).unwrap();
-    let [mut a, mut b, mut c] = [(); 3].map(|()| Solution::with_capacity(CAPACITY));
+    let mut raw = ClarabelSolver::new(LARGE).unwrap().without_polish();
+    let mut polished = ClarabelSolver::new(LARGE).unwrap();
+    let [mut a, mut b, mut c] = [(); 3].map(|()| Solution::with_capacity(LARGE));
     let (mut worst_raw, mut worst_polished) = (Worst::default(), Worst::default());
     for _ in 0..count {
         let p = next(&mut draw);

@@ -25,7 +25,7 @@ impl fmt::Display for Owner {
 pub enum ChannelError {
     /// The fleet's name cannot be part of a channel's name.
     #[error("the fleet name {name:?} cannot be part of a channel's name")]
-    #[diagnostic(help("use 1 to 64 letters, digits, '-', '_' or '.'"))]
+    #[diagnostic(help("use 1 to 64 letters, digits, '-' or '_'"))]
     FleetName {
         /// The name.
         name: String,

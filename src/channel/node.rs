@@ -32,7 +32,7 @@ impl Transport {
     /// # Errors
     /// [`ChannelError::FleetName`] or [`ChannelError::Location`].
     pub fn new(fleet: &str, settings: &ChannelConfig) -> Result<Self, ChannelError> {
-        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
         if fleet.is_empty() || fleet.len() > 64 || !fleet.chars().all(allowed) {
             return Err(ChannelError::FleetName { name: fleet.to_owned() });
         }

@@ -33,16 +33,16 @@ impl Default for ChannelConfig {
 }
 
 impl ChannelConfig {
-    /// The defaults, with `CLEARWAY_IOX2_PREFIX` and `CLEARWAY_IOX2_ROOT` from the environment in
-    /// place of the prefix and the root where they are set.
-    pub fn from_environment() -> Self {
-        let mut config = Self::default();
+    /// The same with `CLEARWAY_IOX2_PREFIX` and `CLEARWAY_IOX2_ROOT` from the environment in place
+    /// of the prefix and the root, where they are set: a daemon and its clients share them so.
+    #[must_use]
+    pub fn with_environment(mut self) -> Self {
         if let Ok(prefix) = std::env::var("CLEARWAY_IOX2_PREFIX") {
-            config.prefix = prefix;
+            self.prefix = prefix;
         }
         if let Some(root) = std::env::var_os("CLEARWAY_IOX2_ROOT") {
-            config.root = root.into();
+            self.root = root.into();
         }
-        config
+        self
     }
 }

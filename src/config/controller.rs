@@ -1,3 +1,5 @@
+use crate::document::names;
+
 /// Which control law runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Profile {
@@ -11,16 +13,7 @@ pub enum Profile {
     Exponential,
 }
 
-impl Profile {
-    /// The name on command lines, in files and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Certified => "certified",
-            Self::Paper => "paper",
-            Self::Exponential => "exp",
-        }
-    }
-}
+names!(Profile { Certified => "certified", Paper => "paper", Exponential => "exp" });
 
 /// Which solver a worker runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,15 +25,7 @@ pub enum SolverKind {
     Clarabel,
 }
 
-impl SolverKind {
-    /// The name on command lines, in files and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Clarabel => "clarabel",
-        }
-    }
-}
+names!(SolverKind { Exact => "exact", Clarabel => "clarabel" });
 
 /// How the hard barrier row bounds the approach within a period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -52,15 +37,7 @@ pub enum BarrierForm {
     Linear,
 }
 
-impl BarrierForm {
-    /// The name in files and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Linear => "linear",
-        }
-    }
-}
+names!(BarrierForm { Exact => "exact", Linear => "linear" });
 
 /// Weights of the objective (33a). All positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,7 +98,7 @@ impl Default for ControllerConfig {
             alignment: 1.0,
             gamma: 1.0,
             barrier: BarrierForm::default(),
-            comfort_gamma: 0.6,
+            comfort_gamma: 0.9,
             weights: Weights::default(),
             max_neighbours: 64,
         }

@@ -1,17 +1,40 @@
 //! Everything that can be set, with its default, its unit and its range.
 //!
 //! One struct a concern; the modules that follow take theirs by reference. The defaults are the
-//! paper's where it gives a value. Used at start-up only.
+//! paper's where it gives a value. `docs/CONFIGURATION.md` explains every key. Used at start-up only.
+//!
+//! ```
+//! use clearway::config::{Config, Profile};
+//!
+//! let text = r#"
+//!     schema = 1
+//!     scenario = "circle-10"
+//!     [timing]
+//!     period_us = 40_000
+//! "#;
+//! let config = Config::parse(text, "clearway.toml")?;
+//! assert_eq!((config.timing.period_ns, config.scenario.robots.len()), (40_000_000, 10));
+//!
+//! // Command lines set keys the same way, checked by the same rules.
+//! let config = Config::with_overrides(None, &["scenario=swap8", "controller.profile=exp"])?;
+//! assert_eq!(config.controller.profile, Profile::Exponential);
+//! # Ok::<(), clearway::document::ConfigError>(())
+//! ```
 
 mod channel;
+mod checked;
 mod controller;
+mod read;
 mod runtime;
 
 pub use channel::ChannelConfig;
+pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
 
+use crate::document::{ConfigError, Document};
 use crate::scenario::Scenario;
+use std::path::Path;
 
 /// The whole configuration of one fleet's daemon, resolved and checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,5 +70,43 @@ impl Config {
             telemetry: TelemetryConfig::default(),
             channel: ChannelConfig::default(),
         }
+    }
+
+    /// Reads and checks the TOML file at `path`. A scenario given as a path is relative to it.
+    ///
+    /// # Errors
+    /// It cannot be read, or something in it is wrong: every problem found, each with its line, its
+    /// key and what to change.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        Self::with_overrides::<&str>(Some(path), &[])
+    }
+
+    /// Reads and checks TOML text; errors name it `file_name`, and a scenario given as a path is
+    /// relative to it.
+    ///
+    /// # Errors
+    /// As [`Config::load`].
+    pub fn parse(text: &str, file_name: &str) -> Result<Self, ConfigError> {
+        read::read(Document::parse(text, file_name)?, Some(Path::new(file_name)))
+    }
+
+    /// The file at `path`, if there is one, with `section.key=value` arguments on top, the later
+    /// ones over the earlier ones. What the file says and an argument replaces is not looked at.
+    /// Without a file the scenario is `swap8` unless an argument names another.
+    ///
+    /// A value that is not TOML is a string: `controller.profile=exp` needs no quotes. A scenario's
+    /// path in an argument is relative to the working directory.
+    ///
+    /// # Errors
+    /// As [`Config::load`]; a problem with an argument names the argument.
+    pub fn with_overrides<S: AsRef<str>>(path: Option<&Path>, overrides: &[S]) -> Result<Self, ConfigError> {
+        let mut doc = match path {
+            Some(path) => Document::load(path)?,
+            None => Document::parse("", "defaults")?,
+        };
+        for argument in overrides {
+            doc.set(argument.as_ref())?;
+        }
+        read::read(doc, path)
     }
 }

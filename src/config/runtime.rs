@@ -1,3 +1,5 @@
+use crate::document::names;
+
 /// Period, deadline and workers of the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimingConfig {
@@ -43,6 +45,8 @@ pub enum RealTimePolicy {
     Off,
 }
 
+names!(RealTimePolicy { Require => "require", Prefer => "prefer", Off => "off" });
+
 /// Scheduling, pinning and memory locking.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RealTimeConfig {
@@ -79,6 +83,8 @@ pub enum SourceKind {
     /// Other processes, over the `observation` channel.
     Observation,
 }
+
+names!(SourceKind { Plant => "plant", Observation => "observation" });
 
 /// The state source and what it accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -175,6 +175,17 @@ impl RobotGroup {
     /// `fleet` are the states of `t_k` with the commands in force, one for each robot of the scenario
     /// in its order. A slice of another length decides nothing.
     pub fn solve(&mut self, fleet: &[RobotState], timing: Timing, mut each: impl FnMut(usize, &Decision)) {
+        self.solve_watched(fleet, timing, |index, decision, _| each(index, decision));
+    }
+
+    /// [`solve`](Self::solve) that also shows the programme behind each decision; stale where the
+    /// telemetry's status is `NotSolved`.
+    pub fn solve_watched(
+        &mut self,
+        fleet: &[RobotState],
+        timing: Timing,
+        mut each: impl FnMut(usize, &Decision, &Programme),
+    ) {
         if fleet.len() != self.predicted.len() {
             return;
         }
@@ -186,7 +197,7 @@ impl RobotGroup {
         }
         for robot in &mut self.owned {
             let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace);
-            each(robot.index(), &decision);
+            each(robot.index(), &decision, &self.workspace.programme);
         }
     }
 }

@@ -174,6 +174,7 @@ impl Daemon {
                 statistics,
                 progress,
                 until,
+                settled: false,
                 poll: poll_interval(config),
             };
             Some(housekeeper.run())

@@ -8,6 +8,7 @@ use super::progress::Progress;
 use super::statistics::Statistics;
 use crate::channel::{Attachment, Writer};
 use crate::figures::Accumulator;
+use crate::model::Command;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{RobotTelemetry, StopReason, TelemetryHeader};
 
@@ -27,6 +28,8 @@ pub(super) struct Housekeeper {
     pub(super) statistics: Statistics,
     pub(super) progress: Arc<Mutex<Progress>>,
     pub(super) until: Until,
+    /// Every robot has arrived and stands, now and in the next period.
+    pub(super) settled: bool,
     pub(super) poll: Duration,
 }
 
@@ -47,7 +50,7 @@ impl Housekeeper {
             self.drain();
             self.statistics.lost_records = self.lost();
             self.show(started);
-            if self.until == Until::Arrived && self.accumulator.arrived() == self.answers.robots {
+            if self.until == Until::Arrived && self.settled {
                 self.board.request_stop(StopReason::Finished);
             }
             if over {
@@ -63,7 +66,7 @@ impl Housekeeper {
     }
 
     fn drain(&mut self) {
-        let Self { periods, solves, accumulator, answers, statistics, telemetry, .. } = self;
+        let Self { periods, solves, accumulator, answers, statistics, telemetry, settled, .. } = self;
         let mut more = true;
         while more {
             more = periods
@@ -72,6 +75,7 @@ impl Housekeeper {
                     answers.drain(solves, accumulator, statistics);
                     let header = statistics.add_period(period, answers.get(period.header.tick));
                     accumulator.observe_period(period.header.tick, &period.states);
+                    *settled = accumulator.arrived() == answers.robots && stands(period);
                     publish(telemetry, &header, period, answers);
                 })
                 .is_some();
@@ -103,6 +107,11 @@ impl Housekeeper {
         }
         self.statistics.log_changes(self.telemetry.discarded(), &self.board);
     }
+}
+
+fn stands(period: &PeriodRecord) -> bool {
+    period.states.iter().all(|state| state.command() == Command::STOP)
+        && period.commands.iter().all(|command| command.command() == Command::STOP)
 }
 
 /// Puts a period's telemetry together and sends it.

@@ -175,7 +175,7 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
 /// Records that telemetry keeps: what is configured, and at least half a second's worth.
 pub(super) fn record_capacity(config: &Config) -> usize {
     let half_second = 500_000_000 / config.timing.period_ns.max(1);
-    config.telemetry.queue_periods.max(usize::try_from(half_second).unwrap_or(usize::MAX)).min(1 << 14)
+    config.telemetry.queue_periods.max(usize::try_from(half_second).unwrap_or(usize::MAX))
 }
 
 /// How long housekeeping sleeps between two looks at the records.

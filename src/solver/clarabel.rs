@@ -34,6 +34,9 @@ pub struct ClarabelSolver {
     polished: Option<Solution>,
 }
 
+/// An input that could move by less than this share of its admissible interval stays at 0.
+const STILL: f64 = 1e-7;
+
 /// Half-width of the trust interval, as a share of the width that the solve was scaled with.
 const TRUST: f64 = 1e-3;
 
@@ -187,6 +190,8 @@ struct Slack {
 struct Axis {
     lo: f64,
     width: f64,
+    /// A width below this counts as 0.
+    still: f64,
 }
 
 impl Axis {
@@ -200,12 +205,17 @@ impl Axis {
         };
         let lo = interval.min.max(vertex.min(0.0));
         let hi = interval.max.min(vertex.max(0.0));
-        Self { lo, width: (hi - lo).max(0.0) }
+        // A way to go that vanishes beside what the input could do is rounding.
+        let still = STILL * (interval.max - interval.min);
+        if hi - lo <= still {
+            return Self { lo: 0.0f64.clamp(lo, hi.max(lo)), width: 0.0, still };
+        }
+        Self { lo, width: hi - lo, still }
     }
 
     /// Where the solution is looked for, given Clarabel's x.
     fn trust(self, x: f64) -> Interval {
-        let half = TRUST * self.width;
+        let half = (TRUST * self.width).max(self.still);
         Interval { min: x - half, max: x + half }
     }
 
@@ -244,8 +254,8 @@ fn settings() -> DefaultSettings<f64> {
         // The data come scaled; the equilibration would be that of the first data for ever.
         .equilibrate_enable(false)
         .presolve_enable(false)
-        .tol_gap_abs(1e-10)
-        .tol_gap_rel(1e-10)
+        .tol_gap_abs(1e-9)
+        .tol_gap_rel(1e-9)
         .tol_feas(1e-8)
         .max_threads(1)
         .direct_solve_method("qdldl".to_owned())

@@ -1,0 +1,326 @@
+//! The one place that lists every key, with its range. A new key is one line here, one field in
+//! its struct and one row in `docs/CONFIGURATION.md`.
+
+use super::{
+    ChannelConfig, Config, ControllerConfig, RealTimeConfig, SourceConfig, TelemetryConfig, TimingConfig,
+    Weights,
+};
+use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
+use crate::geometry::Vec2;
+use crate::scenario::{Scenario, has_file_ending};
+use std::ops::Bound::{Excluded, Included};
+use std::path::Path;
+
+const SCHEMA: u64 = 1;
+const SECOND_US: u64 = 1_000_000;
+/// Beyond any machine; keeps a typing slip from starting a million threads.
+const CPUS_MAX: u64 = 4095;
+
+/// Reads and checks a whole document; `file` is where it came from, if it is a file.
+pub(super) fn read(doc: Document, file: Option<&Path>) -> Result<Config, ConfigError> {
+    let config = build(&doc, file)?;
+    doc.finish(config)
+}
+
+/// `None` when a problem was noted in the document.
+fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigError> {
+    let mut root = doc.root();
+    if file.is_some() {
+        root.check_schema(SCHEMA);
+    } else {
+        // Arguments alone carry no format version.
+        root.natural("schema");
+    }
+    let fleet = fleet(&mut root);
+    let scenario = root.text("scenario");
+    let scenario = if file.is_some() {
+        root.require("scenario", scenario, "a built-in name or a path, for instance scenario = \"swap8\"")
+    } else {
+        scenario
+    };
+    let timing = timing(root.section("timing"));
+    let realtime = realtime(root.section("realtime"));
+    let controller = controller(root.section("controller"));
+    let source = source(root.section("source"));
+    let telemetry = telemetry(root.section("telemetry"));
+    let channel = channel(root.section("channel"));
+    root.finish();
+
+    contradictions(doc, &timing, &controller, &source);
+    // A scenario has problems of its own, in its own file: they are reported alone.
+    let resolved = match &scenario {
+        _ if !doc.is_sound() => None,
+        Some(found) => resolve(doc, found, file)?,
+        None => Some(Scenario::builtin("swap8")?),
+    };
+    let config = resolved.map(|resolved| Config {
+        fleet: fleet.unwrap_or_else(|| "default".to_owned()),
+        scenario: resolved,
+        timing: timing.value,
+        realtime,
+        controller: controller.value,
+        source: source.value,
+        telemetry,
+        channel,
+    });
+    if let Some(config) = &config {
+        arena_holds_the_scenario(doc, config, source.arena.as_ref(), scenario.as_ref().map(|s| &s.place));
+    }
+    Ok(config)
+}
+
+/// The fleet's name is part of channel names, and of file names under `/dev/shm`.
+fn fleet(root: &mut Section<'_>) -> Option<String> {
+    let name = root.text("fleet")?;
+    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if name.value.is_empty() || name.value.len() > 64 || !name.value.chars().all(allowed) {
+        let message = format!("`{}` cannot be part of a channel's name", name.value);
+        root.refuse("fleet", &name.place, &message, "use 1 to 64 of the characters a-z, A-Z, 0-9, - and _");
+        return None;
+    }
+    Some(name.value)
+}
+
+struct Timing {
+    value: TimingConfig,
+    period: Option<Place>,
+    margin: Option<Place>,
+}
+
+fn timing(mut s: Section<'_>) -> Timing {
+    let mut t = TimingConfig::default();
+    let period = s.set_micros("period_us", &mut t.period_ns, 200..=SECOND_US);
+    let margin = s.set_micros_or(
+        "deadline_margin_us",
+        &mut t.deadline_margin_ns,
+        0..=SECOND_US,
+        "a tenth of the period, at most 2000",
+    );
+    s.set_integer_or(
+        "workers",
+        &mut t.workers,
+        1..=CPUS_MAX,
+        "as many as the robots and the usable cores allow",
+    );
+    s.set_integer_or("ticks", &mut t.ticks, 1..=u64::from(u32::MAX), "until a signal");
+    s.finish();
+    Timing { value: t, period, margin }
+}
+
+fn realtime(mut s: Section<'_>) -> RealTimeConfig {
+    let mut r = RealTimeConfig::default();
+    s.set_choice("policy", &mut r.policy);
+    s.set_integer("priority", &mut r.priority, 1..=99);
+    s.set_integer_or("loop_cpu", &mut r.loop_cpu, 0..=CPUS_MAX, "the first usable one");
+    s.set_distinct(
+        "worker_cpus",
+        &mut r.worker_cpus,
+        0..=CPUS_MAX,
+        "the usable ones from the last backwards",
+    );
+    s.set_flag("lock_memory", &mut r.lock_memory);
+    s.finish();
+    r
+}
+
+fn channel(mut s: Section<'_>) -> ChannelConfig {
+    let mut c = ChannelConfig::default();
+    if let Some(prefix) = s.text("prefix") {
+        c.prefix = prefix.value;
+    }
+    if let Some(root) = s.text("root") {
+        c.root = root.value.into();
+    }
+    s.set_integer("max_readers", &mut c.max_readers, 4..=1024);
+    s.set_integer("max_observers", &mut c.max_observers, 1..=1024);
+    s.set_integer_or("depth", &mut c.depth, 1..=4096, "as many as fit into 32 MiB, from 8 to 64");
+    s.finish();
+    c
+}
+
+struct Controller {
+    value: ControllerConfig,
+    gamma: Option<Place>,
+    comfort_gamma: Option<Place>,
+}
+
+fn controller(mut s: Section<'_>) -> Controller {
+    let share = (Excluded(0.0), Included(1.0));
+    let mut c = ControllerConfig::default();
+    s.set_choice("profile", &mut c.profile);
+    s.set_choice("solver", &mut c.solver);
+    s.set_choice("barrier", &mut c.barrier);
+    s.set_number("c3", &mut c.c3, (Excluded(0.0), Included(100.0)));
+    s.set_number("alpha", &mut c.alpha, (Excluded(0.0), Excluded(1.0)));
+    s.set_number("alignment", &mut c.alignment, share);
+    let gamma = s.set_number("gamma", &mut c.gamma, share);
+    let comfort_gamma = s.set_number("comfort_gamma", &mut c.comfort_gamma, share);
+    if comfort_gamma.is_none() {
+        // The default softens along with `gamma`.
+        c.comfort_gamma = c.comfort_gamma.min(c.gamma);
+    }
+    s.set_integer("max_neighbours", &mut c.max_neighbours, 1..=1024);
+    c.weights = weights(s.section("weights"));
+    s.finish();
+    Controller { value: c, gamma, comfort_gamma }
+}
+
+fn weights(mut s: Section<'_>) -> Weights {
+    // Twelve orders of magnitude around 1: beyond it the solvers run out of digits.
+    let range = 1e-6..=1e6;
+    let mut w = Weights::default();
+    s.set_number("v", &mut w.v, range.clone());
+    s.set_number("omega", &mut w.omega, range.clone());
+    s.set_number("position", &mut w.position, range.clone());
+    s.set_number("heading", &mut w.heading, range.clone());
+    s.set_number("comfort", &mut w.comfort, range);
+    s.finish();
+    w
+}
+
+struct Source {
+    value: SourceConfig,
+    max_age: Option<Place>,
+    arena: Option<Place>,
+}
+
+fn source(mut s: Section<'_>) -> Source {
+    let mut v = SourceConfig::default();
+    s.set_choice("kind", &mut v.kind);
+    let max_age = s.set_micros_or("max_age_us", &mut v.max_age_ns, 1..=60 * SECOND_US, "two periods");
+    let arena = s.set_number("arena_m", &mut v.arena_m, 1.0..=1e5);
+    s.set_number("jump_margin_m", &mut v.jump_margin_m, 0.0..=1e3);
+    s.finish();
+    Source { value: v, max_age, arena }
+}
+
+fn telemetry(mut s: Section<'_>) -> TelemetryConfig {
+    let mut t = TelemetryConfig::default();
+    s.set_integer("queue_periods", &mut t.queue_periods, 1..=65_536);
+    s.finish();
+    t
+}
+
+/// Rules between values that are fine alone. A value that was left out has its default; only what
+/// was written can be pointed at.
+fn contradictions(doc: &Document, timing: &Timing, controller: &Controller, source: &Source) {
+    if !doc.is_sound() {
+        return;
+    }
+    let (t, c) = (timing.value, controller.value);
+    if t.margin_ns() >= t.period_ns {
+        let message = format!(
+            "the margin of {} µs leaves nothing of a period of {} µs",
+            t.margin_ns() / 1000,
+            t.period_ns / 1000
+        );
+        let places = [(timing.margin.as_ref(), "margin"), (timing.period.as_ref(), "period")];
+        conflict(doc, "timing.deadline_margin_us", message, places, "choose a margin well below the period");
+    }
+    if c.comfort_gamma > c.gamma {
+        let message = format!(
+            "comfort_gamma = {} is above gamma = {}, so the comfort rows could never act before the hard ones",
+            c.comfort_gamma, c.gamma
+        );
+        let places = [
+            (controller.comfort_gamma.as_ref(), "the softer rate"),
+            (controller.gamma.as_ref(), "the hard rate"),
+        ];
+        conflict(doc, "controller.comfort_gamma", message, places, "set comfort_gamma to at most gamma");
+    }
+    if source.value.max_age_ns.is_some_and(|age| age < t.period_ns) {
+        let message = format!(
+            "observations would be stale before the next period of {} µs, and every robot would stop",
+            t.period_ns / 1000
+        );
+        let places =
+            [(source.max_age.as_ref(), "shorter than the period"), (timing.period.as_ref(), "period")];
+        conflict(doc, "source.max_age_us", message, places, "allow at least one period, better two");
+    }
+}
+
+fn conflict(doc: &Document, key: &str, message: String, places: [(Option<&Place>, &str); 2], help: &str) {
+    let problem = Problem::new(ErrorKind::Contradiction, key, message).advise(help);
+    let written = places.into_iter().filter_map(|(place, label)| Some((place?, label)));
+    doc.report(written.fold(problem, |problem, (place, label)| problem.at(place, label)));
+}
+
+/// Reads the scenario that `found` names. A path in a file is relative to that file.
+fn resolve(
+    doc: &Document,
+    found: &Found<String>,
+    file: Option<&Path>,
+) -> Result<Option<Scenario>, ConfigError> {
+    let folder = file.and_then(Path::parent).filter(|_| !found.place.is_override());
+    let beside = folder.map(|folder| folder.join(&found.value)).filter(|path| path.is_file());
+    match (beside, folder) {
+        (Some(path), _) => Scenario::load(&path).map(Some),
+        (None, Some(folder)) if has_file_ending(&found.value) => {
+            let message = format!("there is no file {}", folder.join(&found.value).display());
+            let help = "give a path relative to this file, or the name of a built-in scenario";
+            doc.report(
+                Problem::new(ErrorKind::Unreadable, "scenario", message)
+                    .at(&found.place, "not found")
+                    .advise(help),
+            );
+            Ok(None)
+        }
+        _ => match Scenario::resolve(&found.value) {
+            Err(error) if error.first().line().is_none() => {
+                let first = error.first().clone();
+                doc.report(first.under("scenario").at(&found.place, "this scenario"));
+                Ok(None)
+            }
+            other => other.map(Some),
+        },
+    }
+}
+
+/// Robots that start or arrive out of range would be stopped for ever.
+fn arena_holds_the_scenario(
+    doc: &Document,
+    config: &Config,
+    arena: Option<&Place>,
+    scenario: Option<&Place>,
+) {
+    let beyond = |p: Vec2| p.norm() > config.source.arena_m;
+    let Some(robot) = config.scenario.robots.iter().find(|r| beyond(r.start.position_m) || beyond(r.goal_m))
+    else {
+        return;
+    };
+    let message = format!(
+        "robot {} of scenario `{}` starts or arrives more than {} m from the origin",
+        robot.id, config.scenario.name, config.source.arena_m
+    );
+    conflict(
+        doc,
+        "source.arena_m",
+        message,
+        [(arena, "too small"), (scenario, "this scenario")],
+        "enlarge arena_m",
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_key_stands_in_the_documentation_with_its_range_and_default() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/CONFIGURATION.md");
+        let text = std::fs::read_to_string(path).unwrap();
+        let doc = Document::parse("", "none").unwrap();
+        build(&doc, None).unwrap();
+        let settings = doc.settings();
+        assert!(settings.len() > 20);
+        for setting in settings {
+            let row = text.lines().find(|line| line.starts_with(&format!("| `{}` |", setting.key)));
+            let row = row.unwrap_or_else(|| panic!("no row for {setting:?}"));
+            let cells: Vec<&str> = row.split(" | ").collect();
+            assert_eq!(cells[2..4], [setting.default.as_str(), setting.range.as_str()], "{row}");
+        }
+        for key in ["schema", "fleet", "scenario"] {
+            assert!(text.contains(&format!("| `{key}` |")), "no row for {key}");
+        }
+    }
+}

@@ -1,0 +1,88 @@
+use super::Scenario;
+use super::read::SCHEMA;
+use crate::model::Obstacle;
+use std::fmt::{self, Write};
+
+/// The scenario as TOML that reads back to the bit: Rust prints the shortest digits that do.
+pub(super) fn to_toml(s: &Scenario) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_toml(s, &mut out);
+    out
+}
+
+fn write_toml(s: &Scenario, out: &mut String) -> fmt::Result {
+    let l = &s.limits;
+    writeln!(out, "schema = {SCHEMA}")?;
+    writeln!(out, "name = {}", toml::Value::String(s.name.clone()))?;
+    writeln!(out, "tolerance_m = {:?}", s.tolerance_m)?;
+    writeln!(out, "duration_s = {:?}\n", s.duration_s)?;
+    writeln!(out, "[limits]")?;
+    writeln!(out, "v_mps = [{:?}, {:?}]", l.v_min_mps, l.v_max_mps)?;
+    writeln!(out, "omega_radps = [{:?}, {:?}]", l.omega_min_radps, l.omega_max_radps)?;
+    writeln!(out, "safety_margin_m = {:?}", l.safety_margin_m)?;
+    for r in &s.robots {
+        let (p, theta) = (r.start.position_m, r.start.theta_rad);
+        writeln!(out, "\n[[robot]]\nid = {}\nradius_m = {:?}", r.id, r.radius_m)?;
+        writeln!(out, "start = {{ x_m = {:?}, y_m = {:?}, theta_rad = {theta:?} }}", p.x, p.y)?;
+        writeln!(out, "goal = {{ x_m = {:?}, y_m = {:?} }}", r.goal_m.x, r.goal_m.y)?;
+    }
+    for obstacle in &s.obstacles {
+        writeln!(out, "\n[[obstacle]]")?;
+        match *obstacle {
+            Obstacle::Circle { centre_m: c, radius_m } => {
+                writeln!(out, "circle = {{ x_m = {:?}, y_m = {:?}, radius_m = {radius_m:?} }}", c.x, c.y)?;
+            }
+            Obstacle::Segment { from_m: a, to_m: b } => {
+                writeln!(
+                    out,
+                    "segment = {{ from_m = [{:?}, {:?}], to_m = [{:?}, {:?}] }}",
+                    a.x, a.y, b.x, b.y
+                )?;
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Pose;
+    use crate::model::{Limits, RobotId, RobotSpec};
+    use nalgebra::Vector2;
+    use proptest::prelude::*;
+
+    #[test]
+    fn built_in_scenarios_survive_the_round_trip() {
+        for name in ["circle-3", "swap8-heading-5", "random-40-9", "pillars-8", "doorway-both-6"] {
+            let scenario = Scenario::builtin(name).unwrap();
+            assert_eq!(Scenario::parse(&scenario.to_toml(), "written.toml").unwrap(), scenario);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_accepted_reads_back_to_the_bit(
+            name in "[ -~é\"\\\\]{1,20}", x in -1e5..1e5f64, y in -1e5..1e5f64, theta in -3.0..3.0f64,
+            radius in 1e-9..100f64, v_min in -100.0..=0f64, duration in 1e-9..1e6f64,
+        ) {
+            let robot = RobotSpec {
+                id: RobotId(u32::MAX),
+                radius_m: radius,
+                start: Pose::new(x, y, theta),
+                goal_m: Vector2::new(y, x),
+            };
+            let scenario = Scenario {
+                name,
+                tolerance_m: 0.1,
+                duration_s: duration,
+                limits: Limits { v_min_mps: v_min, ..Limits::default() },
+                robots: vec![robot],
+                obstacles: Vec::new(),
+            };
+            prop_assert!(scenario.check().is_ok());
+            prop_assert_eq!(Scenario::parse(&scenario.to_toml(), "written.toml").unwrap(), scenario);
+        }
+    }
+}
