@@ -49,6 +49,10 @@
 //! | the loop, the workers and what keeps house | [`runtime`] |
 //! | what a run is judged by | [`report`] |
 
+// Tests in modules and beside them share their helpers.
+#[cfg(test)]
+extern crate self as clearway;
+
 pub mod actuation;
 pub mod admission;
 pub mod certificate;

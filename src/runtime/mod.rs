@@ -44,3 +44,6 @@ pub enum Until {
     /// Only when it is asked to, or after the configured number of periods.
     Stopped,
 }
+
+#[cfg(test)]
+mod tests;

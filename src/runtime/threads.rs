@@ -58,7 +58,7 @@ impl Common {
     }
 
     /// States before the first period: at the starts, at rest, not valid.
-    fn first_states(&self) -> Vec<RobotState> {
+    pub(super) fn first_states(&self) -> Vec<RobotState> {
         let state = |robot: &crate::model::RobotSpec| {
             let mut state = RobotState {
                 id: robot.id.0,
