@@ -5,7 +5,9 @@ mod support;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicI32, AtomicU64, AtomicUsize, Ordering};
 
 use clearway::channel::{StateReader, Transport};
 use clearway::controller::{Decision, RobotGroup};
@@ -17,16 +19,56 @@ use support::{World, config};
 /// Counts every allocation of every thread.
 struct Counting;
 
+/// Threads that can be told apart; the test starts about a dozen.
+const THREADS: usize = 128;
+
+/// A thread's kernel id and how often it has allocated.
+static COUNTS: [(AtomicI32, AtomicU64); THREADS] =
+    [const { (AtomicI32::new(0), AtomicU64::new(0)) }; THREADS];
+static NEXT: AtomicUsize = AtomicUsize::new(0);
+
 thread_local! {
-    // Constant and without a destructor: reading it never allocates.
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    // Constant and without a destructor: using it never allocates.
+    static SLOT: Cell<usize> = const { Cell::new(usize::MAX) };
 }
 
-// SAFETY: hands every call to the system's allocator unchanged; the counter is a plain thread-local
-// that neither allocates nor unwinds.
+/// The calling thread's counter.
+fn mine() -> Option<&'static AtomicU64> {
+    let slot = SLOT
+        .try_with(|slot| {
+            if slot.get() == usize::MAX {
+                slot.set(NEXT.fetch_add(1, Ordering::Relaxed));
+                if let Some((thread, _)) = COUNTS.get(slot.get()) {
+                    thread.store(rustix::thread::gettid().as_raw_nonzero().get(), Ordering::Relaxed);
+                }
+            }
+            slot.get()
+        })
+        .ok()?;
+    COUNTS.get(slot).map(|(_, count)| count)
+}
+
+/// The counter of the thread that the kernel knows by `name`.
+fn named(name: &str) -> &'static AtomicU64 {
+    let is_named = |thread: i32| {
+        std::fs::read_to_string(format!("/proc/self/task/{thread}/comm"))
+            .is_ok_and(|comm| comm.trim() == name)
+    };
+    let found = COUNTS.iter().find(|(thread, _)| is_named(thread.load(Ordering::Relaxed)));
+    &found.expect("a thread that allocated").1
+}
+
+fn count() {
+    if let Some(count) = mine() {
+        count.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: hands every call to the system's allocator unchanged; counting uses statics and a plain
+// thread-local, and neither allocates nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
+        count();
         // SAFETY: the caller's promises are the system allocator's.
         unsafe { System.alloc(layout) }
     }
@@ -37,7 +79,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
+        count();
         // SAFETY: as above.
         unsafe { System.realloc(pointer, layout, size) }
     }
@@ -50,6 +92,8 @@ const T: u64 = 2_000_000;
 const TICKS: u64 = 400;
 /// Periods before the steady state: connections are made and lazily built parts of the system woken.
 const WARM_UP: usize = 50;
+/// The steady state of the loop; at the end it takes its ports apart.
+const STEADY: Range<u64> = WARM_UP as u64..TICKS - 10;
 
 /// Allocations of each worker at the start of each of its periods.
 static WORKERS: Mutex<BTreeMap<usize, Vec<u64>>> = Mutex::new(BTreeMap::new());
@@ -64,7 +108,7 @@ struct Counted {
 impl Decider for Counted {
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
         if self.counts.len() < self.counts.capacity() {
-            self.counts.push(ALLOCATIONS.get());
+            self.counts.push(mine().map_or(0, |count| count.load(Ordering::Relaxed)));
         }
         self.group.decide(fleet, each);
     }
@@ -91,16 +135,29 @@ fn workers_allocate_nothing_and_the_loop_only_its_loans() {
         Ok::<_, String>(Counted { group, first, counts: Vec::with_capacity(capacity) })
     })
     .unwrap();
+    let loop_count = named("clearway-loop");
     let mut reader: StateReader = transport.attach("watcher").unwrap().reader().unwrap();
-    let mut seen = 0;
+    let (mut first, mut last, mut tick) = (None, None, 0);
     while !daemon.is_finished() {
-        while reader.next().unwrap().is_some() {
-            seen += 1;
+        let before = loop_count.load(Ordering::Relaxed);
+        tick = reader.newest().unwrap().map_or(tick, |sample| sample.header().tick);
+        // A tick and a count that belong together: the loop allocated nothing while they were read.
+        if STEADY.contains(&tick) && loop_count.load(Ordering::Relaxed) == before {
+            first = first.or(Some((tick, before)));
+            last = Some((tick, before));
         }
-        std::thread::sleep(std::time::Duration::from_millis(1));
+        std::thread::sleep(std::time::Duration::from_micros(300));
     }
     let report = daemon.join().unwrap();
-    assert!(report.ticks > 100 && seen > 0, "{} periods, {seen} seen", report.ticks);
+    let ((first_tick, first_count), (last_tick, last_count)) = (first.unwrap(), last.unwrap());
+    let (periods, allocated) = (last_tick - first_tick - report.skipped_periods, last_count - first_count);
+    println!("loop: {allocated} allocations in {periods} periods");
+    assert!(periods > 100);
+    // One loan of a state and one of a command; each end is up to a period's loans uncertain.
+    assert!(
+        allocated.abs_diff(2 * periods) <= 4 + 2 * report.skipped_periods,
+        "{allocated} in {periods} periods"
+    );
 
     let workers = WORKERS.lock().unwrap();
     assert_eq!(workers.keys().copied().collect::<Vec<_>>(), [0, 4]);
