@@ -40,7 +40,7 @@ fn one_wrong_line_gives_its_line_key_and_remedy() {
         ("controller", "solver = \"osqp\"", UnknownName, "exact, clarabel", "exact, clarabel"),
         ("controller", "alpha = 1.0", OutOfRange, "above 0 and below 1, is 1.0", "below 1"),
         ("controller", "gamma = 0", OutOfRange, "above 0 and at most 1", "above 0"),
-        ("controller", "c3 = inf", OutOfRange, "not finite", "finite"),
+        ("controller", "c3 = inf", OutOfRange, "finite number, is ", "finite"),
         ("controller", "comfort_gamma = 1.5", OutOfRange, "at most 1", "at most 1"),
         ("controller", "weight = 1", UnknownKey, "not a known key", "did you mean `weights`?"),
         ("controller.weights", "v = 0", OutOfRange, "from 0.000001 to 1000000", "from"),

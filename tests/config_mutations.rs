@@ -97,7 +97,7 @@ fn deep_nesting_is_an_error_and_not_a_stack_overflow() {
 
 #[test]
 fn a_file_full_of_mistakes_is_reported_briefly() {
-    let text: String = (0..100_000).map(|i| format!("k{i} = 1\n")).collect();
+    let text = (0..100_000).map(|i| format!("k{i} = 1\n")).collect::<Vec<_>>().concat();
     let error = Scenario::parse(&text, "s.toml").unwrap_err();
     assert_eq!(error.problems().count(), 20);
     let text = format!("schema = 1\nname = \"x\"\n\"new\\nline{}\" = 1\n", "y".repeat(1 << 20));

@@ -63,7 +63,7 @@ fn one_changed_line_gives_its_line_key_and_remedy() {
         (2, "name = \"\"", OutOfRange, "name", "1 to 64 bytes", "short name"),
         (2, "name = pair", Syntax, "", "string", "double quotes"),
         (3, "tolerance_m = -0.1", OutOfRange, "tolerance_m", "above 0", "range"),
-        (3, "tolerance_m = nan", OutOfRange, "tolerance_m", "not finite", "finite"),
+        (3, "tolerance_m = nan", OutOfRange, "tolerance_m", "finite number, is ", "finite"),
         (3, "tolerence_m = 0.1", UnknownKey, "tolerence_m", "not a known key", "did you mean `tolerance_m`?"),
         (4, "duration_s = 0", OutOfRange, "duration_s", "above 0", "range"),
         (4, "name = \"twice\"", Syntax, "", "duplicate key", "TOML"),

@@ -21,10 +21,12 @@
 //! # Ok::<(), clearway::document::ConfigError>(())
 //! ```
 
+mod checked;
 mod controller;
 mod read;
 mod runtime;
 
+pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
 

@@ -4,7 +4,7 @@
 use super::{Config, ControllerConfig, RealTimeConfig, SourceConfig, TelemetryConfig, TimingConfig, Weights};
 use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::geometry::Vec2;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, has_file_ending};
 use std::ops::Bound::{Excluded, Included};
 use std::path::Path;
 
@@ -233,10 +233,9 @@ fn resolve(
 ) -> Result<Option<Scenario>, ConfigError> {
     let folder = file.and_then(Path::parent).filter(|_| !found.place.is_override());
     let beside = folder.map(|folder| folder.join(&found.value)).filter(|path| path.is_file());
-    let is_toml = Path::new(&found.value).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     match (beside, folder) {
         (Some(path), _) => Scenario::load(&path).map(Some),
-        (None, Some(folder)) if is_toml => {
+        (None, Some(folder)) if has_file_ending(&found.value) => {
             let message = format!("there is no file {}", folder.join(&found.value).display());
             let help = "give a path relative to this file, or the name of a built-in scenario";
             doc.report(

@@ -75,6 +75,11 @@ impl Document {
         Section::new(self, Some(&self.table), Place::new(&self.source, 0..0), String::new())
     }
 
+    /// Whether the top has this key.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
+    }
+
     /// Notes a problem.
     pub(crate) fn report(&self, problem: Problem) {
         let mut problems = self.problems.borrow_mut();

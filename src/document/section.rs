@@ -63,18 +63,14 @@ impl<'d> Section<'d> {
     }
 
     fn wrong_type(&self, key: &str, node: &Node, wanted: &str) {
-        let found = match &node.value {
-            Value::Float(x) if !x.is_finite() => "a number that is not finite",
-            Value::Integer(None) => "an integer beyond 64 bits",
-            value => value.kind(),
-        };
-        let kind = match &node.value {
-            Value::Float(x) if !x.is_finite() => ErrorKind::OutOfRange,
-            Value::Integer(None) => ErrorKind::OutOfRange,
-            _ => ErrorKind::WrongType,
+        let (kind, found) = match &node.value {
+            // The type is right and the value is none.
+            Value::Float(x) if !x.is_finite() => (ErrorKind::OutOfRange, node.place.text()),
+            Value::Integer(None) => (ErrorKind::OutOfRange, "beyond 64 bits"),
+            value => (ErrorKind::WrongType, value.kind()),
         };
         let problem = Problem::new(kind, self.path_of(key), format!("has to be {wanted}, is {found}"));
-        self.doc.report(problem.at(&node.place, found).advise(format!("give {wanted}")));
+        self.doc.report(problem.at(&node.place, "here").advise(format!("give {wanted}")));
     }
 
     /// A finite number; an integer is one too.

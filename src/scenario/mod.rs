@@ -19,8 +19,10 @@ mod check;
 mod read;
 mod write;
 
+pub(crate) use read::read;
+
 use crate::document::{ConfigError, Document, Problem};
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use std::path::Path;
 
@@ -57,7 +59,7 @@ impl Scenario {
     /// It cannot be read, or something in it is wrong: every problem found, each with its line, its
     /// key and what to change.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        read::read(Document::load(path)?)
+        read(Document::load(path)?)
     }
 
     /// Reads and checks TOML text; errors name it `file_name`.
@@ -65,7 +67,7 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::load`].
     pub fn parse(text: &str, file_name: &str) -> Result<Self, ConfigError> {
-        read::read(Document::parse(text, file_name)?)
+        read(Document::parse(text, file_name)?)
     }
 
     /// The scenario that a command line means: a file when `name_or_path` ends in `.toml` or exists,
@@ -74,9 +76,7 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::load`] or [`Scenario::builtin`].
     pub fn resolve(name_or_path: &str) -> Result<Self, ConfigError> {
-        let path = Path::new(name_or_path);
-        let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-        if is_toml || path.is_file() { Self::load(path) } else { Self::builtin(name_or_path) }
+        if is_path(name_or_path) { Self::load(Path::new(name_or_path)) } else { Self::builtin(name_or_path) }
     }
 
     /// The built-in scenario called `name`; [`Scenario::builtins`] lists them.
@@ -122,8 +122,19 @@ impl Scenario {
     }
 }
 
-/// Heading from one point to another, rad; 0 when they are the same.
+/// Whether a command line means a file: it ends in `.toml`, or there is one.
+pub(crate) fn is_path(name_or_path: &str) -> bool {
+    has_file_ending(name_or_path) || Path::new(name_or_path).is_file()
+}
+
+/// Whether it ends in `.toml`.
+pub(crate) fn has_file_ending(name_or_path: &str) -> bool {
+    Path::new(name_or_path).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// Heading from one point to another, rad, in (−π, π]; 0 when they are the same.
 fn heading_toward(from_m: Vec2, to_m: Vec2) -> f64 {
     let d = to_m - from_m;
-    if d == Vec2::zeros() { 0.0 } else { libm::atan2(d.y, d.x) }
+    // atan2 gives −π for a y of −0; headings are in (−π, π].
+    if d == Vec2::zeros() { 0.0 } else { wrap(libm::atan2(d.y, d.x)) }
 }

@@ -29,7 +29,7 @@ struct RobotPlaces {
 }
 
 /// Reads and checks a whole document.
-pub(super) fn read(doc: Document) -> Result<Scenario, ConfigError> {
+pub(crate) fn read(doc: Document) -> Result<Scenario, ConfigError> {
     let draft = draft(&doc);
     // What was not understood is missing from the draft: its rules come after that is mended.
     if doc.is_sound() {

@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn built_in_scenarios_survive_the_round_trip() {
-        for name in ["swap8-heading-5", "random-40-9", "pillars-8", "doorway-both-6"] {
+        for name in ["circle-3", "swap8-heading-5", "random-40-9", "pillars-8", "doorway-both-6"] {
             let scenario = Scenario::builtin(name).unwrap();
             assert_eq!(Scenario::parse(&scenario.to_toml(), "written.toml").unwrap(), scenario);
         }
