@@ -24,6 +24,7 @@
 mod checked;
 mod controller;
 mod read;
+mod rules;
 mod runtime;
 
 pub use checked::Checked;
