@@ -25,6 +25,7 @@ mod channel;
 mod checked;
 mod controller;
 mod read;
+mod rules;
 mod runtime;
 
 pub use channel::ChannelConfig;

@@ -91,7 +91,7 @@ fn best_spot(
         for length in LENGTHS_M {
             let end = ego.position_m + direction * length;
             let mut room = f64::INFINITY;
-            for part in [0.5, 1.0] {
+            for part in [0.2, 0.5, 1.0] {
                 let p = ego.position_m + direction * (length * part);
                 for o in obstacles.iter().take(OBSTACLES_MAX) {
                     room = room.min(o.clearance(p).1);
@@ -100,7 +100,7 @@ fn best_spot(
                     room = room.min((n.position_m - p).norm() - n.required_distance_m);
                 }
             }
-            if room < 0.0 {
+            if room < -0.005 {
                 continue;
             }
             let aside = (nearest_on_segment(other.position_m, other.position_m + path, end) - end).norm()

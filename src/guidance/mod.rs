@@ -4,6 +4,7 @@ pub mod bypass;
 pub mod giveway;
 pub mod halfplane;
 pub mod params;
+pub mod queue;
 pub mod roundabout;
 pub mod route;
 pub mod types;
@@ -58,7 +59,14 @@ pub fn guide(
     }
     // Progress is motion, or turning on the spot toward what was decided.
     let moving = ego.v_mps > params.moving_fraction * limits.v_max_mps.min(distance / limits.period_s);
-    if moving {
+    // Waiting in a queue is not being blocked, unless the queue itself does not move.
+    let queue = queue::speed_cap(ego, neighbours, params);
+    let waiting = queue.is_some_and(|v| v < 0.3) && memory.queued_s < params.queue_patience_s;
+    memory.queued_s = if moving || queue.is_none() { 0.0 } else { memory.queued_s + limits.period_s };
+    if waiting {
+        memory.blocked_s = (memory.blocked_s - limits.period_s).max(0.0);
+        memory.fallback_s = 0.0;
+    } else if moving {
         memory.still_s = 0.0;
         memory.turned_rad = 0.0;
         memory.blocked_s = (memory.blocked_s - 2.0 * limits.period_s).max(0.0);
@@ -153,6 +161,9 @@ pub fn guide(
             if closing > 1e-6 {
                 v = v.min(params.row_rate * (gap - standoff).max(0.0) / closing);
             }
+        }
+        if let (Some(q), true) = (queue, memory.queued_s < params.queue_patience_s) {
+            v = v.min(q);
         }
         cap = v;
         intent_speed = c.mean_speed_mps;

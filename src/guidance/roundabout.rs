@@ -17,6 +17,7 @@ pub fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &P
     let mine = to * (limits.v_max_mps / left);
     let my_time = left / limits.v_max_mps;
     let mut beta: f64 = 0.0;
+    let (mut far_left, mut far_right) = (0.0f64, 0.0f64);
     for n in neighbours.iter().take(NEIGHBOURS_MAX) {
         if n.arrived {
             continue;
@@ -35,11 +36,7 @@ pub fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &P
         }
         let along = offset.dot(&relative) / speed;
         let time = along / speed;
-        if along <= 0.0
-            || time > params.lane_horizon_s
-            || time > my_time
-            || time > their_left / limits.v_max_mps
-        {
+        if along <= 0.0 || time > my_time || time > their_left / limits.v_max_mps {
             continue;
         }
         // Positive when the neighbour already passes on the left, as the rule wants.
@@ -52,8 +49,15 @@ pub fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &P
         }
         // A clear miss on the other side is left alone.
         let keep = if miss >= 0.0 { 1.0 } else { (1.0 + miss / (params.lane_wrong_m)).max(0.0) };
-        let soon = ((1.0 - time / params.lane_horizon_s) / 0.3).min(1.0);
+        let soon = ((1.0 - time / params.lane_horizon_s) / 0.3).clamp(0.0, 1.0);
         beta = beta.max(need * keep * soon);
+        // Later conflicts count once neighbours close in on both sides: a big ring must not shrink too far first.
+        let close = (params.lane_close - d / lane).clamp(0.0, 1.0);
+        if cross(mine, offset) > 0.0 {
+            far_left = far_left.max(need * keep * close);
+        } else {
+            far_right = far_right.max(need * keep * close);
+        }
     }
-    beta.min(params.lane_beta_max_rad)
+    beta.max(far_left.min(far_right)).min(params.lane_beta_max_rad)
 }

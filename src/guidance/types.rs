@@ -105,6 +105,7 @@ pub struct Memory {
     /// Clockwise rotation the right-hand rule remembers.
     pub beta_rad: f64,
     /// Side on which a cluster of parked robots is being passed: 1 left, −1 right, 0 none.
+    pub queued_s: f64,
     pub side: f64,
     pub side_free_s: f64,
     /// Time spent passing it, and time left to go straight at it instead.

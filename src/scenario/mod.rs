@@ -96,6 +96,12 @@ impl Scenario {
         builtin::families()
     }
 
+    /// The names of the built-in scenarios that a control law is held to: every family, several
+    /// sizes, many seeds.
+    pub fn suite() -> Vec<String> {
+        builtin::suite()
+    }
+
     /// Checks a scenario that was put together by a program, by the rules for files.
     ///
     /// # Errors

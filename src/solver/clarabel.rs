@@ -254,9 +254,11 @@ fn settings() -> DefaultSettings<f64> {
         // The data come scaled; the equilibration would be that of the first data for ever.
         .equilibrate_enable(false)
         .presolve_enable(false)
-        .tol_gap_abs(1e-9)
-        .tol_gap_rel(1e-9)
+        .tol_gap_abs(1e-10)
+        .tol_gap_rel(1e-10)
         .tol_feas(1e-8)
+        // Shorter steps than the default keep the last iterations from stalling.
+        .max_step_fraction(0.95)
         .max_threads(1)
         .direct_solve_method("qdldl".to_owned())
         .build();

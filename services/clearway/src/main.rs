@@ -1,6 +1,7 @@
 //! `clearway`: the operator's command. Each subcommand has a file of its own.
 
 mod check;
+mod eval;
 mod scenario;
 mod summary;
 
@@ -19,28 +20,35 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
+  clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 
-Exit codes: 0 done, 2 the command line or a file is wrong.";
+Exit codes: 0 done, 1 a run did not pass, 2 the command line or a file is wrong.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Check(check::Args),
+    Eval(eval::Args),
     Scenario(scenario::Args),
 }
 
 /// The command line, or a file that it names, is wrong.
 const WRONG_INPUT: u8 = 2;
 
+/// A run did not pass: a robot did not arrive or a clearance was violated.
+const NOT_PASSED: u8 = 1;
+
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
-        Command::Check(args) => check::run(&args),
-        Command::Scenario(args) => scenario::run(&args),
+        Command::Check(args) => check::run(&args).map(|()| true).map_err(miette::Report::new),
+        Command::Eval(args) => eval::run(&args),
+        Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(NOT_PASSED),
         Err(error) => {
-            eprintln!("Error: {:?}", miette::Report::new(error));
+            eprintln!("Error: {error:?}");
             ExitCode::from(WRONG_INPUT)
         }
     }

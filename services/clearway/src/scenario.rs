@@ -15,9 +15,11 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), ConfigError> {
-    let text = match &args.name {
-        Some(name) => Scenario::resolve(name)?.to_toml(),
-        None => Scenario::builtins().map(|(pattern, about)| format!("{pattern:<20}  {about}\n")).collect(),
+    let text = if let Some(name) = &args.name {
+        Scenario::resolve(name)?.to_toml()
+    } else {
+        let line = |(pattern, about)| format!("{pattern:<20}  {about}\n");
+        Scenario::builtins().map(line).collect::<Vec<_>>().concat()
     };
     crate::show(&text);
     Ok(())

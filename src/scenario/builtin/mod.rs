@@ -7,7 +7,10 @@ mod blocked;
 mod fleet;
 mod open;
 mod rng;
+mod suite;
 mod swap;
+
+pub(super) use suite::names as suite;
 
 use super::Scenario;
 use crate::document::{ConfigError, ErrorKind, Problem, nearest};
