@@ -22,10 +22,10 @@ use crate::report::{self, Report};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::StopReason;
 
-/// How long a worker may take to come home at the end.
+/// How long threads may take to come home at the end.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// A running daemon. Dropping it asks the run to end and does not wait.
+/// A running daemon. Dropping it ends the run and waits for its threads, but not for ever.
 #[derive(Debug)]
 pub struct Daemon {
     config: Arc<Config>,
@@ -222,21 +222,9 @@ impl Daemon {
 
     /// Waits for the workers, and returns how many of them hang and have to be left behind.
     fn join_workers(&mut self) -> usize {
-        let patience = Instant::now() + PATIENCE;
-        let mut hung = 0;
-        for worker in self.workers.drain(..) {
-            worker.thread().unpark();
-            while !worker.is_finished() && Instant::now() < patience {
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            if worker.is_finished() {
-                // A panic was caught and counted inside.
-                let _ = worker.join();
-            } else {
-                hung += 1;
-            }
-        }
-        hung
+        let end = Instant::now() + PATIENCE;
+        // A panic in a worker was caught and counted inside.
+        self.workers.drain(..).filter_map(|worker| join_until(worker, end).err()).count()
     }
 
     fn report(&self, findings: Findings, reason: StopReason, workers: usize, workers_hung: usize) -> Report {
@@ -278,14 +266,36 @@ impl Daemon {
 impl Drop for Daemon {
     fn drop(&mut self) {
         self.stop();
-        // A run that was never started has no loop to tell its workers.
-        if self.loop_thread.as_ref().is_none_or(JoinHandle::is_finished) || self.housekeeping.is_none() {
+        // Without housekeeping the loop was never told to go, and nobody else sends the workers home.
+        if self.housekeeping.is_none() {
             self.board.end();
         }
-        for worker in &self.workers {
-            worker.thread().unpark();
+        // Threads that are cut off by the end of the process leave their files in shared memory.
+        let end = Instant::now() + PATIENCE;
+        if let Some(thread) = self.loop_thread.take() {
+            let _ = join_until(thread, end);
+        }
+        self.join_workers();
+        if let Some(thread) = self.housekeeping.take() {
+            let _ = join_until(thread, end);
         }
     }
+}
+
+/// Waits for a thread until `end`.
+///
+/// # Errors
+/// The thread, when it has not ended by then.
+fn join_until<T>(thread: JoinHandle<T>, end: Instant) -> Result<std::thread::Result<T>, JoinHandle<T>> {
+    while !thread.is_finished() {
+        if Instant::now() >= end {
+            return Err(thread);
+        }
+        // It may be asleep until somebody wakes it.
+        thread.thread().unpark();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Ok(thread.join())
 }
 
 /// Ends the run when the loop does, however it does.
