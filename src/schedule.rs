@@ -14,6 +14,7 @@
 
 /// An absolute, phase-keeping schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(clippy::struct_field_names, reason = "the unit is part of the name")]
 pub struct Schedule {
     start_ns: u64,
     period_ns: u64,

@@ -172,7 +172,7 @@ proptest! {
                 stamp_ns: if w[2] % 2 == 0 { now } else { w[2] },
             };
             let record = RobotObservation {
-                id: if w[3] % 2 == 0 { 3 } else { w[3] as u32 },
+                id: if w[3] % 2 == 0 { 3 } else { u32::try_from(w[3] >> 32).unwrap() },
                 reserved: 0,
                 x_m: f64::from_bits(w[4]),
                 y_m: f64::from_bits(w[5]),

@@ -180,7 +180,7 @@ impl Attachment {
             .max_subscribers(settings.max_readers.max(1))
             .max_nodes(MAX_NODES)
             .subscriber_max_borrowed_samples(MAX_HELD)
-            .subscriber_max_buffer_size(R::CHANNEL.depth(settings, sample_bytes))
+            .subscriber_max_buffer_size(Channel::depth(settings, sample_bytes))
             .history_size(history)
             .enable_safe_overflow(R::CHANNEL.overwrites_oldest())
             .open_or_create()

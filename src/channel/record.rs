@@ -45,7 +45,7 @@ impl Channel {
     }
 
     /// Samples kept for each reader, when one sample has `sample_bytes`.
-    pub(super) fn depth(self, config: &ChannelConfig, sample_bytes: usize) -> usize {
+    pub(super) fn depth(config: &ChannelConfig, sample_bytes: usize) -> usize {
         let fits = CHANNEL_BYTES / (config.max_readers.max(1) * sample_bytes.max(1));
         config.depth.unwrap_or(fits.clamp(8, 64)).max(1)
     }

@@ -35,6 +35,7 @@ pub fn lock_memory(config: &RealTimeConfig) -> Result<bool, String> {
 
 /// Touches the stack that the calling thread is going to use, so that no page of it is missing later.
 #[inline(never)]
+#[expect(clippy::large_stack_arrays, reason = "touching that much of the stack is the purpose")]
 pub fn prefault_stack() {
     let mut pages = [0_u8; STACK_BYTES];
     for byte in pages.iter_mut().step_by(4096) {

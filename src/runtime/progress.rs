@@ -1,6 +1,8 @@
 /// How a run is going.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Progress {
+    /// Periods recorded so far; without any, the rest says nothing yet.
+    pub ticks: u64,
     /// The period that was recorded last.
     pub tick: u64,
     /// Time simulated, s: ticks times the period.

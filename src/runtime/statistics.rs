@@ -121,6 +121,7 @@ impl Statistics {
     }
 
     pub(super) fn fill(&self, progress: &mut Progress) {
+        progress.ticks = self.ticks;
         progress.tick = self.last.tick;
         progress.time_s = (self.last.tick + 1) as f64 * self.period_s;
         progress.release_lateness_ns = self.last.release_lateness_ns;

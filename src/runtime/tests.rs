@@ -27,6 +27,11 @@ use support::{World, config, lanes, straight};
 const T: u64 = 80_000_000;
 const START: u64 = 1_000_000_000;
 
+/// Whether the deadline of a tick may come.
+type Ready = Box<dyn Fn(&Board, u64) -> bool + Send + Sync>;
+/// What goes wrong in a worker's n-th period.
+type Fault = Arc<dyn Fn(u64, &Range<usize>) + Send + Sync>;
+
 /// A clock whose deadline comes when the workers are done, and whose periods can be made to overrun.
 #[derive(Clone)]
 struct Lockstep(Arc<LockstepState>);
@@ -35,8 +40,7 @@ struct LockstepState {
     now_ns: AtomicU64,
     schedule: Schedule,
     board: Arc<Board>,
-    /// Whether the deadline of a tick may come.
-    ready: Box<dyn Fn(&Board, u64) -> bool + Send + Sync>,
+    ready: Ready,
     /// Tick, and by how much its deadline is overslept.
     overrun: Option<(u64, u64)>,
 }
@@ -73,7 +77,7 @@ struct Rig {
     config: Config,
     ticks: u64,
     overrun: Option<(u64, u64)>,
-    ready: Box<dyn Fn(&Board, u64) -> bool + Send + Sync>,
+    ready: Ready,
 }
 
 impl Rig {
@@ -288,7 +292,7 @@ fn overruns_skip_whole_periods_and_discard_late_commands() {
 struct Faulty {
     inner: support::Straight,
     periods: u64,
-    fault: Arc<dyn Fn(u64, &Range<usize>) + Send + Sync>,
+    fault: Fault,
 }
 
 impl Decider for Faulty {
@@ -311,7 +315,7 @@ fn a_worker_that_panics_stops_its_robots_for_one_period_and_is_built_anew() {
         board.staging.complete(tick) || (tick == 3 && board.worker_panics.load(Ordering::Relaxed) == 1)
     });
     let once = Arc::new(AtomicBool::new(true));
-    let fault: Arc<dyn Fn(u64, &Range<usize>) + Send + Sync> = Arc::new(move |period, owned| {
+    let fault: Fault = Arc::new(move |period, owned| {
         if period == 3 && owned.start == 0 && once.swap(false, Ordering::Relaxed) {
             std::panic::resume_unwind(Box::new("a fault, injected"));
         }
@@ -336,7 +340,7 @@ fn a_worker_that_panics_for_ever_is_given_up() {
         let other = board.staging.take(1, tick).is_some();
         other && (panics > tick || panics == 4)
     });
-    let fault: Arc<dyn Fn(u64, &Range<usize>) + Send + Sync> = Arc::new(|_, owned| {
+    let fault: Fault = Arc::new(|_, owned| {
         if owned.start == 0 {
             std::panic::resume_unwind(Box::new("a fault, injected"));
         }
@@ -364,7 +368,7 @@ fn a_worker_that_hangs_stops_its_robots_and_its_late_answer_is_not_used() {
         }
         other && ((3..=5).contains(&tick) || board.staging.complete(tick))
     });
-    let fault: Arc<dyn Fn(u64, &Range<usize>) + Send + Sync> = Arc::new(move |period, owned| {
+    let fault: Fault = Arc::new(move |period, owned| {
         while period == 3 && owned.start == 0 && *hold.lock().unwrap() < 6 {
             std::thread::sleep(std::time::Duration::from_micros(50));
         }

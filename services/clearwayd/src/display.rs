@@ -1,3 +1,4 @@
+use std::fmt::Write as _;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
@@ -80,6 +81,9 @@ impl Display {
     }
 
     pub(crate) fn update(&mut self, progress: &Progress) {
+        if progress.ticks == 0 {
+            return;
+        }
         if let Some(bar) = &self.bar {
             bar.set_position(progress.arrived as u64);
             bar.set_message(line(progress));
@@ -123,7 +127,8 @@ fn line(p: &Progress) -> String {
         (p.worker_panics, "worker panics"),
     ] {
         if count > 0 {
-            line.push_str(&format!("  {what} {count}"));
+            // Writing to a string cannot fail.
+            let _ = write!(line, "  {what} {count}");
         }
     }
     line

@@ -40,11 +40,11 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let config = match arguments.config() {
         Ok(config) => config,
-        Err(e) => return fail(e.into(), Exit::Configuration),
+        Err(e) => return fail(&e.into(), Exit::Configuration),
     };
     match run(&arguments, config) {
         Ok(report) => judge(&report).into(),
-        Err(Failure { error, exit }) => fail(error, exit),
+        Err(Failure { error, exit }) => fail(&error, exit),
     }
 }
 
@@ -72,7 +72,7 @@ impl From<DaemonError> for Failure {
     }
 }
 
-fn fail(error: miette::Report, exit: Exit) -> ExitCode {
+fn fail(error: &miette::Report, exit: Exit) -> ExitCode {
     eprintln!("{error:?}");
     exit.into()
 }
