@@ -11,6 +11,7 @@
 //! nothing and cannot panic on data.
 
 mod check;
+pub mod printed;
 mod robot;
 mod rows;
 
