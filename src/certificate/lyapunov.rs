@@ -144,6 +144,13 @@ pub struct HeadingCertificate {
 }
 
 impl HeadingCertificate {
+    /// The certificate with the printed H = √cos e, 0 beyond a right angle where it is imaginary:
+    /// a Taylor value, not a bound.
+    pub fn printed(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
+        let bound = Self::new(e_rad, period_s, turn_rate_radps, decrease);
+        Self { curvature: period_s * period_s * e_rad.cos().max(0.0), ..bound }
+    }
+
     /// The certificate at the heading error `e_rad` in (−π, π].
     ///
     /// H = max(0, cos(max(0, |e| − ω_max T))) bounds the second derivative of 1 − cos(e + Tω) over

@@ -159,6 +159,7 @@ fn controller(mut s: Section<'_>) -> Controller {
         // The default softens along with `gamma`.
         c.comfort_gamma = c.comfort_gamma.min(c.gamma);
     }
+    s.set_flag("guidance", &mut c.guidance);
     s.set_integer("max_neighbours", &mut c.max_neighbours, 1..=1024);
     c.weights = weights(s.section("weights"));
     s.finish();
