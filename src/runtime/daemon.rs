@@ -8,7 +8,7 @@ use super::Until;
 use super::board::Board;
 use super::decider::Decider;
 use super::error::DaemonError;
-use super::housekeeping::{Answers, Findings, Housekeeper};
+use super::housekeeping::{Answers, Findings, Forecast, Housekeeper};
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
@@ -175,6 +175,7 @@ impl Daemon {
                 progress,
                 until,
                 settled: false,
+                forecast: Forecast::new(config),
                 poll: poll_interval(config),
             };
             Some(housekeeper.run())

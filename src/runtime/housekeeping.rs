@@ -6,7 +6,9 @@ use super::Until;
 use super::board::{Board, Released};
 use super::progress::Progress;
 use super::statistics::Statistics;
+use crate::certificate::Decrease;
 use crate::channel::{Attachment, Writer};
+use crate::config::Config;
 use crate::figures::Accumulator;
 use crate::model::Command;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
@@ -14,6 +16,9 @@ use crate::wire::{RobotTelemetry, StopReason, TelemetryHeader};
 
 /// How often dead processes are cleaned up and changes are logged.
 const CHORES_EVERY: Duration = Duration::from_secs(1);
+
+/// Steps that a forecast looks ahead; what takes longer is `u32::MAX`.
+const SETTLING_STEPS_MAX: u32 = 250;
 
 /// The thread that may allocate, format and wait: it turns records into figures, samples on
 /// `telemetry` and log lines.
@@ -30,6 +35,7 @@ pub(super) struct Housekeeper {
     pub(super) until: Until,
     /// Every robot has arrived and stands, now and in the next period.
     pub(super) settled: bool,
+    pub(super) forecast: Forecast,
     pub(super) poll: Duration,
 }
 
@@ -66,7 +72,8 @@ impl Housekeeper {
     }
 
     fn drain(&mut self) {
-        let Self { periods, solves, accumulator, answers, statistics, telemetry, settled, .. } = self;
+        let Self { periods, solves, accumulator, answers, statistics, telemetry, settled, forecast, .. } =
+            self;
         let mut more = true;
         while more {
             more = periods
@@ -76,7 +83,7 @@ impl Housekeeper {
                     let header = statistics.add_period(period, answers.get(period.header.tick));
                     accumulator.observe_period(period.header.tick, &period.states);
                     *settled = accumulator.arrived() == answers.robots && stands(period);
-                    publish(telemetry, &header, period, answers);
+                    publish(telemetry, &header, period, answers, forecast);
                 })
                 .is_some();
         }
@@ -114,12 +121,39 @@ fn stands(period: &PeriodRecord) -> bool {
         && period.commands.iter().all(|command| command.command() == Command::STOP)
 }
 
+/// Predicts from the recursion of the position certificate when robots will have arrived. Too long
+/// a computation for the workers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Forecast {
+    decrease: Decrease,
+    reach_m: f64,
+    tolerance_m: f64,
+}
+
+impl Forecast {
+    pub(super) fn new(config: &Config) -> Self {
+        Self {
+            decrease: Decrease::of(&config.controller),
+            reach_m: config.scenario.limits.v_max_mps * config.timing.period_s(),
+            tolerance_m: config.scenario.tolerance_m,
+        }
+    }
+
+    fn settling_steps(&self, lyapunov_position_m2: f64) -> u32 {
+        let distance_m = (2.0 * lyapunov_position_m2).sqrt();
+        let steps =
+            self.decrease.settling_steps(distance_m, self.reach_m, self.tolerance_m, SETTLING_STEPS_MAX);
+        steps.unwrap_or(u32::MAX)
+    }
+}
+
 /// Puts a period's telemetry together and sends it.
 fn publish(
     telemetry: &mut Writer<RobotTelemetry>,
     header: &TelemetryHeader,
     period: &PeriodRecord,
     answers: &Answers,
+    forecast: &Forecast,
 ) {
     let answer = answers.get(header.tick);
     let sent = telemetry.publish(|head, robots| {
@@ -127,6 +161,7 @@ fn publish(
         for (index, (robot, command)) in robots.iter_mut().zip(&period.commands).enumerate() {
             if let Some(solved) = answer.and_then(|a| a.robots.get(index)) {
                 *robot = *solved;
+                robot.settling_steps = forecast.settling_steps(robot.lyapunov_position_m2);
             }
             // What went out, whatever the worker wanted.
             robot.id = command.id;
@@ -192,10 +227,10 @@ impl Answers {
         }
         answer.known += record.robots.len();
         answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
-        let mine = answer.robots.iter_mut().enumerate().skip(record.first);
-        for ((index, mine), robot) in mine.zip(&record.robots) {
+        let mine = answer.robots.iter_mut().skip(record.first);
+        for (mine, robot) in mine.zip(&record.robots) {
             *mine = *robot;
-            figures.observe_solve(index, robot);
+            figures.observe_solve(robot);
         }
     }
 }
