@@ -64,8 +64,10 @@ impl Daemon {
         let config = Arc::new(config);
         let robots = config.scenario.robots.len();
         let board = Arc::new(Board::new(config.scenario.robots.iter().map(|robot| robot.id.0).collect()));
+        let transport = Transport::new(&config.fleet, &config.channel)?;
+        transport.check_room(robots)?;
         let common = Common {
-            transport: Transport::new(&config.fleet, &config.channel)?,
+            transport,
             config: Arc::clone(&config),
             board: Arc::clone(&board),
             // Rises from run to run as long as the machine is up, and shared memory lasts no longer;

@@ -1,5 +1,5 @@
 use std::fmt::Write as _;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use clearway::config::Config;
@@ -56,7 +56,11 @@ impl Display {
         };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
         let writer = AboveBar(self.bar.clone());
-        let logger = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer).with_target(false);
+        let logger = tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(writer)
+            .with_ansi(std::io::stderr().is_terminal())
+            .with_target(false);
         // A logger that somebody else installed is as good.
         let _ = logger.try_init();
     }
