@@ -4,7 +4,7 @@ use super::check::against_bodies;
 use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
-use crate::geometry::{Vec2, wrap};
+use crate::geometry::{Vec2, bearing, wrap};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
 };
@@ -83,7 +83,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
     } else {
         let to = goal_m - position_m;
         let intent = Intent {
-            heading_rad: libm::atan2(to.y, to.x),
+            heading_rad: bearing(to),
             speed_mps: law.limits.v_max_mps,
             blocked_s: 0.0,
             target_m: goal_m,
@@ -169,7 +169,7 @@ impl RobotController {
     ) -> Result<Command, StopReason> {
         let own = &fleet[self.index];
         let near =
-            work.near.gather(fleet, self.index, law.guidance.range_m.max(law.sight_m(fleet, self.index)));
+            work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(fleet, self.index)));
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
         let aim = self.aim(law, fleet, near);
         self.note(law, &aim, telemetry);
@@ -307,7 +307,7 @@ impl RobotController {
         let distance_m = offset.norm();
         let along_m = offset.dot(&own.pose().heading());
         let p = PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &decrease);
-        let error_rad = wrap(own.theta_rad - offset.y.atan2(offset.x));
+        let error_rad = wrap(own.theta_rad - bearing(offset));
         let turn_rate = law.limits.turn_rate_radps();
         let heading = match law.control.profile {
             Profile::Paper => HeadingCertificate::printed,
