@@ -172,14 +172,14 @@ impl RobotController {
             work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(fleet, self.index)));
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
         let aim = self.aim(law, fleet, near);
-        self.note(law, &aim, telemetry);
+        Self::note(law, &aim, telemetry);
 
         let programme = &mut work.programme;
         programme.clear_rows();
         programme.omega_radps = Interval { min: law.limits.omega_min_radps, max: law.limits.omega_max_radps };
         let cap = if aim.holding { 0.0 } else { aim.guidance.speed_cap_mps.clamp(0.0, law.limits.v_max_mps) };
         programme.v_mps = Interval { min: law.limits.v_min_mps.max(-cap), max: cap };
-        (programme.position, programme.heading) = self.certificates(law, own, &aim, telemetry);
+        (programme.position, programme.heading) = Self::certificates(law, own, &aim, telemetry);
 
         if law.control.profile == Profile::Paper {
             let limit = printed::speed_limit(law, fleet, self.index, near, optimal_speed(programme));
@@ -291,7 +291,6 @@ impl RobotController {
 
     /// The certificates (28) and (31) for the aim.
     fn certificates(
-        &self,
         law: &Law,
         own: &RobotState,
         aim: &Aim,
@@ -324,7 +323,7 @@ impl RobotController {
         )
     }
 
-    fn note(&self, law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
+    fn note(law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
         let g = &aim.guidance;
         telemetry.reference_rotation_rad = g.beta_rad;
         telemetry.speed_cap_mps = g.speed_cap_mps.min(law.limits.v_max_mps);
