@@ -60,6 +60,7 @@ impl Housekeeper {
                 self.board.request_stop(StopReason::Finished);
             }
             if over {
+                self.statistics.log_changes(self.telemetry.discarded(), &self.board);
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
                 return Findings { accumulator: self.accumulator, statistics: self.statistics };
             }

@@ -90,7 +90,9 @@ impl Decider for Straight {
             let robot = &fleet[index];
             let next = robot.arc().pose(self.period_s);
             let left_m = robot.goal_x_m - next.position_m.x;
-            let command = Command { v_mps: (left_m / self.period_s).clamp(0.0, 5.0), omega_radps: 0.0 };
+            // Close enough is close enough: rounding must not keep it from ever standing still.
+            let v_mps = if left_m < 1e-3 { 0.0 } else { (left_m / self.period_s).min(5.0) };
+            let command = Command { v_mps, omega_radps: 0.0 };
             let telemetry = RobotTelemetry {
                 id: robot.id,
                 status: SolveStatus::Verified as u32,
