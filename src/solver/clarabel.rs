@@ -51,6 +51,15 @@ impl ClarabelSolver {
         Ok(Self { workspaces, polished: Some(Solution::with_capacity(capacity)) })
     }
 
+    /// Builds one workspace only, for programmes of up to `rows` rows of each kind.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of_one_size(rows: usize) -> Result<Self, SolverError> {
+        let workspaces = vec![Workspace::new(rows)?];
+        Ok(Self { workspaces, polished: Some(Solution::with_capacity(rows)) })
+    }
+
     /// Returns Clarabel's numbers as they are, without the closed-form last digits.
     #[must_use]
     pub fn without_polish(self) -> Self {
