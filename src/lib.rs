@@ -37,8 +37,27 @@
 //! | all of it for the robots of one worker | [`controller`] |
 //! | clearance over continuous time, arrivals, percentiles | [`figures`] |
 //! | the closed loop under a virtual clock | [`evaluation`] |
+//! | real and virtual time | [`clock`] |
+//! | when periods start | [`schedule`] |
+//! | priorities, pinning, locked memory | [`realtime`] |
+//! | what a receiver of commands lets through | [`actuation`] |
+//! | robots that do what the model says | [`plant`] |
+//! | the channels in shared memory | [`channel`] |
+//! | what an observation must be like | [`admission`] |
+//! | where states come from | [`source`] |
+//! | records, queues, histograms | [`telemetry`] |
+//! | the loop, the workers and what keeps house | [`runtime`] |
+//! | what a run is judged by | [`report`] |
 
+// Tests in modules and beside them share their helpers.
+#[cfg(test)]
+extern crate self as clearway;
+
+pub mod actuation;
+pub mod admission;
 pub mod certificate;
+pub mod channel;
+pub mod clock;
 pub mod config;
 pub mod controller;
 pub mod document;
@@ -48,8 +67,15 @@ pub mod geometry;
 pub mod guidance;
 pub mod model;
 pub mod neighbours;
+pub mod plant;
 pub mod programme;
+pub mod realtime;
+pub mod report;
+pub mod runtime;
 pub mod scenario;
+pub mod schedule;
 pub mod solver;
+pub mod source;
+pub mod telemetry;
 pub mod verify;
 pub mod wire;

@@ -216,7 +216,6 @@ fn solvers_agree_on_a_million_programmes() {
     let (raw, polished) = compare(1_000_000, 11, random_programme);
     println!("raw {raw:?}\npolished {polished:?}");
     assert_eq!(raw.not_solved, 0);
-    assert!(raw.objective_rel < 1e-6, "{raw:?}");
     assert!(polished.objective_rel < 1e-6 && polished.input < 1e-6 && polished.kkt < 1e-9, "{polished:?}");
 }
 

@@ -83,6 +83,9 @@ pub struct ControllerConfig {
     pub comfort_gamma: f64,
     /// Objective weights.
     pub weights: Weights,
+    /// Whether guidance chooses the reference and caps the speed. Without it every robot heads
+    /// straight for its goal (β = 0, the paper's law): safe, but robots stop nose to nose.
+    pub guidance: bool,
     /// Rows kept for each robot. A robot with more neighbours that can bind is stopped and
     /// reported, never served with a truncated list.
     pub max_neighbours: usize,
@@ -100,6 +103,7 @@ impl Default for ControllerConfig {
             barrier: BarrierForm::default(),
             comfort_gamma: 0.9,
             weights: Weights::default(),
+            guidance: true,
             max_neighbours: 64,
         }
     }

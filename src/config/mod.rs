@@ -21,12 +21,14 @@
 //! # Ok::<(), clearway::document::ConfigError>(())
 //! ```
 
+mod channel;
 mod checked;
 mod controller;
 mod read;
 mod rules;
 mod runtime;
 
+pub use channel::ChannelConfig;
 pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
@@ -52,6 +54,8 @@ pub struct Config {
     pub source: SourceConfig,
     /// Queues and histograms.
     pub telemetry: TelemetryConfig,
+    /// Where the channels live and how much they hold.
+    pub channel: ChannelConfig,
 }
 
 impl Config {
@@ -65,6 +69,7 @@ impl Config {
             controller: ControllerConfig::default(),
             source: SourceConfig::default(),
             telemetry: TelemetryConfig::default(),
+            channel: ChannelConfig::default(),
         }
     }
 

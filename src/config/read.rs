@@ -2,7 +2,10 @@
 //! its struct and one row in `docs/CONFIGURATION.md`.
 
 use super::rules::{arena_holds_the_scenario, contradictions};
-use super::{Config, ControllerConfig, RealTimeConfig, SourceConfig, TelemetryConfig, TimingConfig, Weights};
+use super::{
+    ChannelConfig, Config, ControllerConfig, RealTimeConfig, SourceConfig, TelemetryConfig, TimingConfig,
+    Weights,
+};
 use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::scenario::{Scenario, has_file_ending};
 use std::ops::Bound::{Excluded, Included};
@@ -40,6 +43,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     let controller = controller(root.section("controller"));
     let source = source(root.section("source"));
     let telemetry = telemetry(root.section("telemetry"));
+    let channel = channel(root.section("channel"));
     root.finish();
 
     contradictions(doc, &timing, &controller, &source);
@@ -57,6 +61,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
         controller: controller.value,
         source: source.value,
         telemetry,
+        channel,
     });
     if let Some(config) = &config {
         arena_holds_the_scenario(doc, config, source.arena.as_ref(), scenario.as_ref().map(|s| &s.place));
@@ -118,6 +123,21 @@ fn realtime(mut s: Section<'_>) -> RealTimeConfig {
     r
 }
 
+fn channel(mut s: Section<'_>) -> ChannelConfig {
+    let mut c = ChannelConfig::default();
+    if let Some(prefix) = s.text("prefix") {
+        c.prefix = prefix.value;
+    }
+    if let Some(root) = s.text("root") {
+        c.root = root.value.into();
+    }
+    s.set_integer("max_readers", &mut c.max_readers, 4..=1024);
+    s.set_integer("max_observers", &mut c.max_observers, 1..=1024);
+    s.set_integer_or("depth", &mut c.depth, 1..=4096, "as many as fit into 32 MiB, from 8 to 64");
+    s.finish();
+    c
+}
+
 pub(super) struct Controller {
     pub(super) value: ControllerConfig,
     pub(super) gamma: Option<Place>,
@@ -139,6 +159,7 @@ fn controller(mut s: Section<'_>) -> Controller {
         // The default softens along with `gamma`.
         c.comfort_gamma = c.comfort_gamma.min(c.gamma);
     }
+    s.set_flag("guidance", &mut c.guidance);
     s.set_integer("max_neighbours", &mut c.max_neighbours, 1..=1024);
     c.weights = weights(s.section("weights"));
     s.finish();

@@ -11,6 +11,7 @@
 //! nothing and cannot panic on data.
 
 mod check;
+pub mod printed;
 mod robot;
 mod rows;
 
@@ -87,7 +88,7 @@ impl Law {
         let largest = fleet.iter().fold(0.0f64, |r, s| r.max(s.radius_m));
         let required = self.limits.safety_margin_m + fleet[me].radius_m + largest;
         let rate = self.control.gamma.min(self.control.comfort_gamma);
-        let untrusted = self.period_s * self.limits.speed_mps();
+        let untrusted = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         activation_m(required + untrusted, self.limits.speed_mps(), self.period_s, rate, 0.5)
     }
 }

@@ -1,17 +1,17 @@
 //! One robot's controller: its guidance memory, and its way from the states to a decision.
 
 use super::check::against_bodies;
-use super::{Decision, Law, Workspace, rows};
+use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
-use crate::config::BarrierForm;
-use crate::geometry::{Vec2, wrap};
+use crate::config::{BarrierForm, Profile};
+use crate::geometry::{Vec2, bearing, wrap};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
 };
 use crate::model::{Command, Obstacle, RobotId, RobotSpec};
 use crate::neighbours::Nearby;
 use crate::programme::{Certificate, Interval};
-use crate::solver::{Outcome, Solver, optimal_turn_rate};
+use crate::solver::{Outcome, Solver, optimal_speed, optimal_turn_rate};
 use crate::verify::Residuals;
 use crate::wire::{
     RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason, state_flags,
@@ -83,7 +83,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
     } else {
         let to = goal_m - position_m;
         let intent = Intent {
-            heading_rad: libm::atan2(to.y, to.x),
+            heading_rad: bearing(to),
             speed_mps: law.limits.v_max_mps,
             blocked_s: 0.0,
             target_m: goal_m,
@@ -101,6 +101,18 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
         required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m,
         arrived: arrived(law, other),
         intent,
+    }
+}
+
+/// No guidance: the goal itself at full speed.
+fn straight(goal_m: Vec2, v_max_mps: f64) -> Guidance {
+    Guidance {
+        reference_m: goal_m,
+        speed_cap_mps: v_max_mps,
+        beta_rad: 0.0,
+        intent: Intent::default(),
+        stalled: false,
+        leave_goal: false,
     }
 }
 
@@ -157,7 +169,7 @@ impl RobotController {
     ) -> Result<Command, StopReason> {
         let own = &fleet[self.index];
         let near =
-            work.near.gather(fleet, self.index, law.guidance.range_m.max(law.sight_m(fleet, self.index)));
+            work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(fleet, self.index)));
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
         let aim = self.aim(law, fleet, near);
         self.note(law, &aim, telemetry);
@@ -169,13 +181,18 @@ impl RobotController {
         programme.v_mps = Interval { min: law.limits.v_min_mps.max(-cap), max: cap };
         (programme.position, programme.heading) = self.certificates(law, own, &aim, telemetry);
 
-        // Form F1 needs ω before the rows in v: the programme separates, so ω is already decided.
-        let omega = match law.control.barrier {
-            BarrierForm::Exact => optimal_turn_rate(programme),
-            BarrierForm::Linear => 0.0,
-        };
-        if !rows::fill(law, fleet, self.index, near, omega, programme) {
-            return Err(StopReason::Crowded);
+        if law.control.profile == Profile::Paper {
+            let limit = printed::speed_limit(law, fleet, self.index, near, optimal_speed(programme));
+            programme.v_mps.max = limit.ok_or(StopReason::Solver)?;
+        } else {
+            // Form F1 needs ω before the rows in v: the programme separates, so ω is already decided.
+            let omega = match law.control.barrier {
+                BarrierForm::Exact => optimal_turn_rate(programme),
+                BarrierForm::Linear => 0.0,
+            };
+            if !rows::fill(law, fleet, self.index, near, omega, programme) {
+                return Err(StopReason::Crowded);
+            }
         }
         telemetry.safety_rows = u32::try_from(programme.safety.len()).unwrap_or(u32::MAX);
 
@@ -199,10 +216,14 @@ impl RobotController {
             v_mps: solution.v_mps.clamp(programme.v_mps.min, programme.v_mps.max),
             omega_radps: solution.omega_radps.clamp(programme.omega_radps.min, programme.omega_radps.max),
         };
-        // An interior point solution may stand on the wrong side of a row by its tolerance.
-        let limit = against_bodies(law, fleet, self.index, near, command).speed_limit_mps;
-        command.v_mps = command.v_mps.clamp(-limit, limit);
-        let safe = against_bodies(law, fleet, self.index, near, command).safe;
+        let safe = if law.control.profile == Profile::Paper {
+            law.limits.admits(command)
+        } else {
+            // An interior point solution may stand on the wrong side of a row by its tolerance.
+            let limit = against_bodies(law, fleet, self.index, near, command).speed_limit_mps;
+            command.v_mps = command.v_mps.clamp(-limit, limit);
+            against_bodies(law, fleet, self.index, near, command).safe
+        };
         let close = (command.v_mps - solution.v_mps).abs() <= KKT_TOLERANCE * (1.0 + solution.v_mps.abs());
         if !safe || !close || residual > KKT_TOLERANCE {
             telemetry.status = SolveStatus::Refused as u32;
@@ -220,6 +241,13 @@ impl RobotController {
             // A new goal: its route is rebuilt outside of the period; until then, straight there.
             self.goal_m = own.goal_m();
             self.route = Route::direct(self.goal_m);
+        }
+        if !law.control.guidance || law.control.profile == Profile::Paper {
+            return Aim {
+                reference_m: self.goal_m,
+                holding: arrived(law, own),
+                guidance: straight(self.goal_m, law.limits.v_max_mps),
+            };
         }
         let mut neighbours = [Neighbour::default(); NEIGHBOURS_MAX];
         let mut count = 0;
@@ -279,9 +307,13 @@ impl RobotController {
         let distance_m = offset.norm();
         let along_m = offset.dot(&own.pose().heading());
         let p = PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &decrease);
-        let error_rad = wrap(own.theta_rad - offset.y.atan2(offset.x));
+        let error_rad = wrap(own.theta_rad - bearing(offset));
         let turn_rate = law.limits.turn_rate_radps();
-        let h = HeadingCertificate::new(error_rad, law.period_s, turn_rate, &decrease);
+        let heading = match law.control.profile {
+            Profile::Paper => HeadingCertificate::printed,
+            Profile::Certified | Profile::Exponential => HeadingCertificate::new,
+        };
+        let h = heading(error_rad, law.period_s, turn_rate, &decrease);
         telemetry.lyapunov_position_m2 = p.lyapunov_m2;
         telemetry.decrease_position_m2 = p.decrease_m2;
         telemetry.lyapunov_heading = h.lyapunov;

@@ -3,7 +3,7 @@
 use super::Law;
 use crate::certificate::barrier::{Approach, activation_m, approach_exact, approach_linear, budget_m};
 use crate::config::BarrierForm;
-use crate::geometry::{Vec2, wrap};
+use crate::geometry::{Vec2, bearing, unit, wrap};
 use crate::neighbours::Nearby;
 use crate::programme::{Programme, Row};
 use crate::wire::{RobotState, state_flags};
@@ -18,14 +18,16 @@ pub(super) struct Body {
     /// Part of the gap that this robot may use: ½ against one that does the same, 1 against what
     /// stands still.
     pub(super) share: f64,
+    /// It may be anywhere within the gap: no motion at all is known to lead away from it.
+    pub(super) anywhere: bool,
 }
 
 /// Distances below this have no direction, m.
 const COINCIDENT_M: f64 = 1e-9;
 
-/// Extra gap kept from a robot whose state is not trusted, in periods of full speed: it has been
-/// told to stop, and may still be using up its last command.
-const UNTRUSTED_PERIODS: f64 = 1.0;
+/// How far a robot may be from the last pose that was trusted, in periods of full speed: it drove on
+/// under the command then in force and under the one already committed, and stands since.
+pub(super) const UNTRUSTED_PERIODS: f64 = 2.0;
 
 /// A direction for coincident centres: opposite for the two robots, so that they may part.
 fn away(offset: Vec2, distance_m: f64, me: u32, other: u32) -> Vec2 {
@@ -53,14 +55,16 @@ pub(super) fn bodies<'a>(
     };
     let robots = near.iter().filter_map(move |n| {
         let other = &fleet[n.index];
+        let trusted = other.has(state_flags::VALID);
         let mut required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m;
-        if !other.has(state_flags::VALID) {
+        if !trusted {
             required_m += UNTRUSTED_PERIODS * law.period_s * law.limits.speed_mps();
         }
         (n.distance_m <= reach(required_m, 0.5)).then(|| Body {
             normal: away(here - other.position_m(), n.distance_m, own.id, other.id),
             gap_m: n.distance_m - required_m,
             share: 0.5,
+            anywhere: !trusted && n.distance_m < required_m,
         })
     });
     let obstacles = law.obstacles.iter().filter_map(move |obstacle| {
@@ -71,6 +75,7 @@ pub(super) fn bodies<'a>(
             normal: away(offset, distance_m, 0, 1),
             gap_m: distance_m - required_m,
             share: 1.0,
+            anywhere: false,
         })
     });
     robots.chain(obstacles)
@@ -78,20 +83,21 @@ pub(super) fn bodies<'a>(
 
 /// How fast a body is approached by unit speed at the turn rate `omega_radps`.
 pub(super) fn approach(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
-    let (sin, cos) = theta_rad.sin_cos();
     match law.control.barrier {
-        BarrierForm::Linear => {
-            let (n, h) = (body.normal, Vec2::new(cos, sin));
+        BarrierForm::Linear if !body.anywhere => {
+            let (n, h) = (body.normal, unit(theta_rad));
             approach_linear(n.dot(&h), n.perp(&h), law.limits.turn_rate_radps(), law.period_s)
         }
-        BarrierForm::Exact => approach_at(theta_rad, omega_radps, body, law.period_s),
+        _ => approach_at(theta_rad, omega_radps, body, law.period_s),
     }
 }
 
 /// The exact form, whatever the programme used.
 pub(super) fn approach_at(theta_rad: f64, omega_radps: f64, body: &Body, period_s: f64) -> Approach {
-    let bearing = body.normal.y.atan2(body.normal.x);
-    approach_exact(wrap(theta_rad - bearing), omega_radps, period_s)
+    if body.anywhere {
+        return Approach { forward: period_s, backward: period_s };
+    }
+    approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, period_s)
 }
 
 /// Fills the safety and comfort rows; false when there is no room for all of them.

@@ -108,7 +108,7 @@ pub fn run_watched(
             watch(decision, programme);
             next[index].set_command(decision.command.command());
             next[index].intent = decision.intent;
-            figures.observe_solve(index, &decision.telemetry);
+            figures.observe_solve(&decision.telemetry);
             solve_ns.record(decision.telemetry.solve_ns);
             step_ns += decision.telemetry.step_ns;
             steps += 1;

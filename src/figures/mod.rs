@@ -10,14 +10,20 @@ mod latency;
 
 pub use latency::{LatencyHistogram, LatencyNs};
 
-use crate::geometry::{Vec2, min_distance_arcs};
+use crate::geometry::{Pose, Vec2, min_distance_arcs, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
-use crate::wire::{RobotState, RobotTelemetry, SolveStatus, telemetry_flags};
+use crate::wire::{RobotState, RobotTelemetry, SolveStatus};
 use serde::Serialize;
 
 /// A pair closer than this below its required distance counts as violated, m.
 pub const VIOLATION_M: f64 = -1e-9;
+
+/// A robot stalls when for this long, s, it neither moved nor turned by more than the two below, away
+/// from its goal.
+const STALL_S: f64 = 1.0;
+const STALL_MOVE_M: f64 = 0.01;
+const STALL_TURN_RAD: f64 = 0.1;
 
 /// Slack above this share of the decrease asked for counts as active.
 const SLACK_ACTIVE: f64 = 1e-6;
@@ -29,7 +35,7 @@ pub struct ControlFigures {
     pub robots: usize,
     /// Robots that were inside the tolerance at the end.
     pub arrived: usize,
-    /// Robots that at some time made no progress for more than a second away from their goal.
+    /// Robots that at some time stood still for a second away from their goal.
     pub stalled: usize,
     /// Pairs, of robots or of a robot and an obstacle, that came closer than they may.
     pub violations: usize,
@@ -64,7 +70,22 @@ struct Track {
     driven_m: f64,
     omega_radps: f64,
     omega_variation: f64,
+    /// Where and when it last made progress.
+    progress: (Pose, f64),
     stalled: bool,
+}
+
+impl Track {
+    fn stall(&mut self, pose: Pose, now_s: f64) {
+        let (last, since_s) = self.progress;
+        let moved = (pose.position_m - last.position_m).norm() > STALL_MOVE_M;
+        let turned = wrap(pose.theta_rad - last.theta_rad).abs() > STALL_TURN_RAD;
+        if moved || turned || self.arrived_s.is_some() {
+            self.progress = (pose, now_s);
+        } else if now_s - since_s >= STALL_S {
+            self.stalled = true;
+        }
+    }
 }
 
 /// Collects a run's figures.
@@ -96,6 +117,7 @@ impl Accumulator {
             driven_m: 0.0,
             omega_radps: 0.0,
             omega_variation: 0.0,
+            progress: (spec.start, 0.0),
             stalled: false,
         };
         Self {
@@ -123,6 +145,7 @@ impl Accumulator {
             track.goal_m = state.goal_m();
             let inside = (state.position_m() - track.goal_m).norm() <= self.tolerance_m;
             track.arrived_s = inside.then_some(track.arrived_s.unwrap_or(now_s));
+            track.stall(state.pose(), now_s);
             track.driven_m += state.v_mps.abs() * self.period_s;
             track.omega_variation += (state.omega_radps - track.omega_radps).abs();
             track.omega_radps = state.omega_radps;
@@ -134,10 +157,7 @@ impl Accumulator {
     }
 
     /// Adds one robot's solve.
-    pub fn observe_solve(&mut self, index: usize, telemetry: &RobotTelemetry) {
-        if let Some(track) = self.tracks.get_mut(index) {
-            track.stalled |= telemetry.flags & telemetry_flags::STALLED != 0;
-        }
+    pub fn observe_solve(&mut self, telemetry: &RobotTelemetry) {
         if telemetry.status == SolveStatus::Verified as u32 {
             self.solved += 1;
             let needed = SLACK_ACTIVE * (telemetry.decrease_position_m2 + f64::MIN_POSITIVE);

@@ -37,9 +37,26 @@ pub(super) fn solve_within(
     solve_v(programme, solution, v_trust) && solve_omega(programme, solution, omega_trust)
 }
 
-/// The minimiser in ω alone. The programme separates, so it is that of every solution of it.
+/// The minimiser in ω alone, rad/s. The programme separates, so it is that of every solution of it.
 pub fn optimal_turn_rate(programme: &Programme) -> f64 {
     heading_part(programme, programme.omega_radps).minimise().x
+}
+
+/// The minimiser in v alone, m/s.
+pub fn optimal_speed(programme: &Programme) -> f64 {
+    speed_part(programme, programme.admissible_v()).minimise().x
+}
+
+fn speed_part(programme: &Programme, interval: Interval) -> Piecewise<'_> {
+    Piecewise {
+        effort: programme.weights.v,
+        weight: programme.weights.position,
+        certificate: programme.position,
+        row_weight: programme.weights.comfort,
+        rows: &programme.comfort,
+        lo: interval.min,
+        hi: interval.max,
+    }
 }
 
 fn heading_part(programme: &Programme, interval: Interval) -> Piecewise<'static> {
@@ -57,15 +74,7 @@ fn heading_part(programme: &Programme, interval: Interval) -> Piecewise<'static>
 fn solve_v(programme: &Programme, solution: &mut Solution, trust: Interval) -> bool {
     let w = &programme.weights;
     let ends = Ends::of(programme.v_mps, &programme.safety, trust);
-    let problem = Piecewise {
-        effort: w.v,
-        weight: w.position,
-        certificate: programme.position,
-        row_weight: w.comfort,
-        rows: &programme.comfort,
-        lo: ends.interval.min,
-        hi: ends.interval.max,
-    };
+    let problem = speed_part(programme, ends.interval);
     let minimum = problem.minimise();
     let v = minimum.x;
     solution.v_mps = v;

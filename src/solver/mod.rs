@@ -11,7 +11,7 @@ mod exact;
 mod piecewise;
 
 pub use self::clarabel::ClarabelSolver;
-pub use exact::{ExactSolver, optimal_turn_rate};
+pub use exact::{ExactSolver, optimal_speed, optimal_turn_rate};
 
 use crate::programme::{Programme, Solution};
 

@@ -73,11 +73,13 @@ pub enum StopReason {
     NoState = 6,
     /// An operator or a signal asked for it.
     Operator = 7,
+    /// The run is over.
+    Finished = 8,
 }
 
 impl StopReason {
     /// Every reason, in the order of the codes.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Start,
         Self::Deadline,
         Self::Unverified,
@@ -85,6 +87,7 @@ impl StopReason {
         Self::Crowded,
         Self::NoState,
         Self::Operator,
+        Self::Finished,
     ];
 
     /// The reason behind a code on the wire; `None` for 0 and for codes of later versions.
@@ -102,6 +105,7 @@ impl StopReason {
             Self::Crowded => "crowded",
             Self::NoState => "no_state",
             Self::Operator => "operator",
+            Self::Finished => "finished",
         }
     }
 }

@@ -55,7 +55,7 @@ pub struct RobotTelemetry {
     /// Rows (safety, comfort, speed bound) that hold with equality at the solution.
     pub active_rows: u32,
     /// Steps that the scalar recursion z ← z − Q(z) needs until the robot is inside its tolerance:
-    /// the predicted settling step. Filled in outside of the real-time threads.
+    /// the predicted settling step. `u32::MAX`: more than 250.
     pub settling_steps: u32,
     /// Bits of [`telemetry_flags`].
     pub flags: u32,

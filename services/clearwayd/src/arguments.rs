@@ -1,0 +1,124 @@
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use clearway::config::Config;
+use clearway::document::ConfigError;
+use clearway::report::Report;
+use miette::{IntoDiagnostic, WrapErr};
+
+const EXAMPLES: &str = "\
+Examples:
+  clearwayd                                     the eight robots of the paper swap places
+  clearwayd --scenario circle-20 --workers 4
+  clearwayd --scenario my.toml --report out.json --period-us 20000
+  clearwayd --config fleet.toml                 a fleet of your own, until Ctrl-C or SIGTERM
+  clearwayd --config fleet.toml --set realtime.policy=require
+
+Exit status:
+  0  every robot arrived and no clearance was violated; or ended by a signal, none violated
+  1  a robot did not arrive, a clearance was violated, or records of the run were lost
+  2  the command line, the configuration or the scenario is wrong
+  3  the fleet belongs to another process
+  4  real-time operation is required and was refused
+  5  anything else: shared memory, threads, files
+
+Environment:
+  CLEARWAY_IOX2_PREFIX, CLEARWAY_IOX2_ROOT  where the channels live, in place of channel.prefix
+                                            and channel.root
+  RUST_LOG                                  what is logged, for instance RUST_LOG=debug";
+
+/// Controls a fleet of wheeled robots in real time over shared memory.
+///
+/// Without arguments it runs the built-in scenario swap8 with an embedded plant, shows how it goes
+/// and prints a report.
+#[derive(Debug, Parser)]
+#[command(name = "clearwayd", version, after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// Configuration file (TOML); the daemon then runs until SIGINT or SIGTERM
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Scenario file, or the name of a built-in one
+    #[arg(long, value_name = "FILE|NAME")]
+    scenario: Option<String>,
+    /// Control law: certified, paper (unsafe, to compare with) or exp
+    #[arg(long)]
+    profile: Option<String>,
+    /// Solver: exact or clarabel
+    #[arg(long)]
+    solver: Option<String>,
+    /// Name of the fleet, the second element of the channels' names
+    #[arg(long, value_name = "NAME")]
+    fleet: Option<String>,
+    /// Sampling period, µs
+    #[arg(long, value_name = "US")]
+    period_us: Option<u64>,
+    /// Worker threads
+    #[arg(long, value_name = "N")]
+    workers: Option<u64>,
+    /// Stop after this many periods
+    #[arg(long, value_name = "N")]
+    ticks: Option<u64>,
+    /// Any key of the configuration, as section.key=value; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// Write the report as JSON
+    #[arg(long, value_name = "OUT.json")]
+    report: Option<PathBuf>,
+    /// Show errors only
+    #[arg(long, short, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Log more; twice for even more
+    #[arg(long, short, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+impl Arguments {
+    /// The configuration that file and arguments make together.
+    pub(crate) fn config(&self) -> Result<Config, ConfigError> {
+        let mut overrides = self.settings.clone();
+        let mut set = |key: &str, value: Option<String>| {
+            overrides.extend(value.map(|value| format!("{key}={value}")));
+        };
+        set("scenario", self.scenario.clone());
+        set("controller.profile", self.profile.clone());
+        set("controller.solver", self.solver.clone());
+        set("fleet", self.fleet.clone());
+        set("timing.period_us", self.period_us.map(|us| us.to_string()));
+        set("timing.workers", self.workers.map(|n| n.to_string()));
+        set("timing.ticks", self.ticks.map(|n| n.to_string()));
+        let mut config = Config::with_overrides(self.config.as_deref(), &overrides)?;
+        config.channel = config.channel.with_environment();
+        Ok(config)
+    }
+
+    /// The file for the report, if one is wanted.
+    pub(crate) fn open_report(&self) -> miette::Result<Option<ReportFile>> {
+        self.report.as_deref().map(ReportFile::create).transpose()
+    }
+}
+
+/// The report's file.
+pub(crate) struct ReportFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl ReportFile {
+    fn create(path: &Path) -> miette::Result<Self> {
+        let file = File::create(path)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("the report {} cannot be written", path.display()))?;
+        Ok(Self { path: path.to_owned(), file })
+    }
+
+    pub(crate) fn write(&mut self, report: &Report) -> miette::Result<()> {
+        let mut text = serde_json::to_string_pretty(report).into_diagnostic()?;
+        text.push('\n');
+        self.file
+            .write_all(text.as_bytes())
+            .into_diagnostic()
+            .wrap_err_with(|| format!("the report {} cannot be written", self.path.display()))
+    }
+}

@@ -1,0 +1,178 @@
+//! What an observation must be like before a robot moves by it.
+//!
+//! Reads copies of observation samples, writes accepted poses. The memory they come from belongs
+//! to somebody else and can hold anything, so every record is checked: finite, inside the arena, a
+//! known robot, once a sample, from the one writer that speaks for it, in sequence, of this run,
+//! neither stale nor from the future, and no further from the last good pose than the robot can
+//! have driven. What fails is counted under its own reason and changes nothing else; a robot
+//! without an accepted pose is told to stop by whoever asks [`Admission::pose`].
+//!
+//! World frame, metres, radians, `CLOCK_MONOTONIC` ns. About 50 ns a record plus a binary search;
+//! allocates only when it is made.
+
+mod rejection;
+mod track;
+
+pub use rejection::{Rejection, Rejections};
+
+use crate::config::SourceConfig;
+use crate::geometry::Pose;
+use crate::scenario::Scenario;
+use crate::wire::{ObservationHeader, RobotObservation};
+use track::{Bounds, Track};
+
+/// Writers whose sequence is remembered; a new one takes the place of the one silent the longest.
+const WRITERS: usize = 64;
+
+/// The gate between observations and the fleet's state.
+#[derive(Debug)]
+pub struct Admission {
+    ids: Vec<u32>,
+    tracks: Vec<Track>,
+    writers: Vec<Writer>,
+    arena_m: f64,
+    max_age_ns: u64,
+    bounds: Bounds,
+    rejections: Rejections,
+}
+
+/// What is known of one writer.
+#[derive(Debug, Clone, Copy)]
+struct Writer {
+    id: u128,
+    sequence: u64,
+    heard_ns: u64,
+}
+
+impl Admission {
+    /// Admission for the robots of `scenario`, none of them seen yet.
+    pub fn new(scenario: &Scenario, config: &SourceConfig, period_ns: u64) -> Self {
+        let ids: Vec<u32> = scenario.robots.iter().map(|robot| robot.id.0).collect();
+        let tracks = scenario.robots.iter().map(|robot| Track::new(robot.start)).collect();
+        Self {
+            ids,
+            tracks,
+            writers: Vec::with_capacity(WRITERS),
+            arena_m: config.arena_m,
+            max_age_ns: config.max_age_ns.unwrap_or(2 * period_ns),
+            bounds: Bounds { speed_mps: scenario.limits.speed_mps(), margin_m: config.jump_margin_m },
+            rejections: Rejections::default(),
+        }
+    }
+
+    /// Takes one sample of writer `writer`, received at `now_ns` by a daemon whose run is `epoch`.
+    ///
+    /// The slice is foreign memory: each record is copied before it is looked at.
+    pub fn sample(
+        &mut self,
+        writer: u128,
+        header: &ObservationHeader,
+        records: &[RobotObservation],
+        epoch: u64,
+        now_ns: u64,
+    ) {
+        // A copy that the compiler cannot undo by reading the original again.
+        let header = std::hint::black_box(*header);
+        if let Err(reason) = self.check_header(writer, &header, records.len(), epoch, now_ns) {
+            self.rejections.count(reason);
+            return;
+        }
+        for record in records {
+            let record = std::hint::black_box(*record);
+            if let Err(reason) = self.record(writer, &header, &record, now_ns) {
+                self.rejections.count(reason);
+            }
+        }
+    }
+
+    fn check_header(
+        &mut self,
+        writer: u128,
+        header: &ObservationHeader,
+        records: usize,
+        epoch: u64,
+        now_ns: u64,
+    ) -> Result<(), Rejection> {
+        if records > self.ids.len() {
+            return Err(Rejection::Oversize);
+        }
+        // 0: the writer has not seen this run yet.
+        if header.epoch != 0 && header.epoch != epoch {
+            return Err(Rejection::Epoch);
+        }
+        if header.stamp_ns > now_ns {
+            return Err(Rejection::Future);
+        }
+        if now_ns - header.stamp_ns > self.max_age_ns {
+            return Err(Rejection::Stale);
+        }
+        self.check_sequence(writer, header.sequence, now_ns)
+    }
+
+    /// The sequence of a writer only rises. A gap loses samples that a newer one replaces: counted,
+    /// not refused.
+    fn check_sequence(&mut self, writer: u128, sequence: u64, now_ns: u64) -> Result<(), Rejection> {
+        if let Some(known) = self.writers.iter_mut().find(|known| known.id == writer) {
+            if sequence == known.sequence {
+                return Err(Rejection::Repeated);
+            }
+            if sequence < known.sequence {
+                return Err(Rejection::Reordered);
+            }
+            let skipped = sequence - known.sequence - 1;
+            self.rejections.skipped_samples = self.rejections.skipped_samples.saturating_add(skipped);
+            (known.sequence, known.heard_ns) = (sequence, now_ns);
+            return Ok(());
+        }
+        let entry = Writer { id: writer, sequence, heard_ns: now_ns };
+        if self.writers.len() < WRITERS {
+            self.writers.push(entry);
+        } else if let Some(oldest) = self.writers.iter_mut().min_by_key(|known| known.heard_ns) {
+            *oldest = entry;
+        }
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        writer: u128,
+        header: &ObservationHeader,
+        record: &RobotObservation,
+        now_ns: u64,
+    ) -> Result<(), Rejection> {
+        let Ok(index) = self.ids.binary_search(&record.id) else { return Err(Rejection::UnknownRobot) };
+        if ![record.x_m, record.y_m, record.theta_rad].iter().all(|x| x.is_finite()) {
+            return Err(Rejection::NotFinite);
+        }
+        if record.x_m.abs().max(record.y_m.abs()) > self.arena_m {
+            return Err(Rejection::OutOfRange);
+        }
+        let pose = Pose::new(record.x_m, record.y_m, record.theta_rad);
+        let silent_since = now_ns.saturating_sub(self.max_age_ns);
+        let track = &mut self.tracks[index];
+        if track.speaks_for_another(writer, silent_since) {
+            return Err(Rejection::ForeignWriter);
+        }
+        track.accept(writer, header, pose, &self.bounds)
+    }
+
+    /// The accepted pose of the `index`-th robot and its stamp, unless it is stale at `now_ns`.
+    pub fn pose(&self, index: usize, now_ns: u64) -> Option<(Pose, u64)> {
+        let track = self.tracks.get(index)?;
+        let (pose, stamp_ns) = track.current()?;
+        (now_ns.saturating_sub(stamp_ns) <= self.max_age_ns).then_some((pose, stamp_ns))
+    }
+
+    /// The last good pose of the `index`-th robot, however old: its start before the first one.
+    pub fn last_pose(&self, index: usize) -> Option<Pose> {
+        self.tracks.get(index).map(Track::last_pose)
+    }
+
+    /// What was refused so far.
+    pub fn rejections(&self) -> &Rejections {
+        &self.rejections
+    }
+}
+
+#[cfg(test)]
+mod tests;

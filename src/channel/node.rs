@@ -1,0 +1,230 @@
+use std::fmt::Debug;
+
+use iceoryx2::node::NodeView;
+use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::prelude::*;
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service;
+
+use super::{Channel, ChannelError, Owner, Reader, Record, Writer};
+use crate::config::ChannelConfig;
+
+/// Nodes that a service can have: the daemon's threads and everybody who is attached.
+const MAX_NODES: usize = 256;
+/// Samples that a reader may hold at a time.
+const MAX_HELD: usize = 4;
+/// Samples that a writer may hold before sending: the next one, and one more.
+const MAX_LOANED: usize = 2;
+
+/// Where the channels of one fleet are.
+#[derive(Debug, Clone)]
+pub struct Transport {
+    fleet: String,
+    settings: ChannelConfig,
+    iceoryx: Config,
+}
+
+impl Transport {
+    /// Checks the fleet's name and the location; touches nothing yet.
+    ///
+    /// # Errors
+    /// [`ChannelError::FleetName`] or [`ChannelError::Location`].
+    pub fn new(fleet: &str, settings: &ChannelConfig) -> Result<Self, ChannelError> {
+        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        if fleet.is_empty() || fleet.len() > 64 || !fleet.chars().all(allowed) {
+            return Err(ChannelError::FleetName { name: fleet.to_owned() });
+        }
+        // Explicit, because iceoryx2 otherwise looks for a file relative to the working directory.
+        let mut iceoryx = Config::default();
+        let location = |what, value: String, reason: &dyn Debug| ChannelError::Location {
+            what,
+            value,
+            reason: format!("{reason:?}"),
+        };
+        iceoryx.global.prefix = FileName::new(settings.prefix.as_bytes())
+            .map_err(|e| location("prefix", settings.prefix.clone(), &e))?;
+        let root = settings.root.to_string_lossy().into_owned();
+        let path = Path::new(root.as_bytes()).map_err(|e| location("root", root, &e))?;
+        iceoryx.global.set_root_path(&path);
+        Ok(Self { fleet: fleet.to_owned(), settings: settings.clone(), iceoryx })
+    }
+
+    /// The fleet's name.
+    pub fn fleet(&self) -> &str {
+        &self.fleet
+    }
+
+    /// Full name of a channel.
+    pub fn service_name(&self, channel: Channel) -> String {
+        format!("clearway/{}/v1/{}", self.fleet, channel.name())
+    }
+
+    /// Joins shared memory under a name that tells others who this is. Cleans up after processes
+    /// that died.
+    ///
+    /// # Errors
+    /// [`ChannelError::Attach`].
+    pub fn attach(&self, role: &str) -> Result<Attachment, ChannelError> {
+        let failed = |reason: String| ChannelError::Attach {
+            root: self.settings.root.to_string_lossy().into_owned(),
+            reason,
+        };
+        let name = format!("{role}-{}-{}", self.fleet, std::process::id());
+        let name = NodeName::new(&name).map_err(|e| failed(format!("{e:?}")))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .config(&self.iceoryx)
+            // Signals belong to the daemon.
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|e| failed(format!("{e:?}")))?;
+        Ok(Attachment { transport: self.clone(), node })
+    }
+}
+
+/// What a clean-up after dead processes did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CleanUp {
+    /// Nodes removed.
+    pub removed: u64,
+    /// Nodes that could not be removed.
+    pub failed: u64,
+}
+
+/// One thread's membership in shared memory.
+#[derive(Debug)]
+pub struct Attachment {
+    transport: Transport,
+    node: Node<ipc::Service>,
+}
+
+impl Attachment {
+    /// Attaches to a channel as a writer of samples with `robots` records, and makes the channel if
+    /// it does not exist.
+    ///
+    /// # Errors
+    /// [`ChannelError::Owned`] when the channel's only writer is somebody else, and the reasons for
+    /// which a channel cannot be opened.
+    pub fn writer<R: Record>(&self, robots: usize) -> Result<Writer<R>, ChannelError> {
+        let service = self.create::<R>(robots)?;
+        let discarded = Writer::<R>::discard_counter();
+        let counter = discarded.clone();
+        let created = service
+            .publisher_builder()
+            .initial_max_slice_len(robots.max(1))
+            .max_loaned_samples(MAX_LOANED)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .set_backpressure_handler(move |_| {
+                counter.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                iceoryx2::port::BackpressureAction::DiscardData
+            })
+            .create();
+        match created {
+            Ok(publisher) => Ok(Writer::new(publisher, robots, discarded)),
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => Err(ChannelError::Owned {
+                fleet: self.transport.fleet.clone(),
+                owner: self.owner_of(&service),
+            }),
+            Err(e) => Err(self.port_error::<R>(&e)),
+        }
+    }
+
+    /// Attaches to a channel that exists.
+    ///
+    /// # Errors
+    /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
+    pub fn reader<R: Record>(&self) -> Result<Reader<R>, ChannelError> {
+        let service = self.name::<R>()?;
+        let opened =
+            self.node.service_builder(&service).publish_subscribe::<[R]>().user_header::<R::Header>().open();
+        self.subscribe(&opened.map_err(|e| self.open_error::<R>(e))?)
+    }
+
+    /// Attaches to a channel, and makes it if it does not exist.
+    ///
+    /// # Errors
+    /// The reasons for which it cannot be opened.
+    pub fn reader_or_create<R: Record>(&self, robots: usize) -> Result<Reader<R>, ChannelError> {
+        self.subscribe(&self.create::<R>(robots)?)
+    }
+
+    /// Removes what processes that died left behind: 0.1 ms when there is nothing, about 1 ms for
+    /// each. Not for real-time threads.
+    pub fn clean_up(&self) -> CleanUp {
+        let state = self.node.try_cleanup_dead_nodes();
+        CleanUp { removed: state.cleanups, failed: state.failed_cleanups }
+    }
+
+    fn subscribe<R: Record>(
+        &self,
+        service: &Service<ipc::Service, [R], R::Header>,
+    ) -> Result<Reader<R>, ChannelError> {
+        service.subscriber_builder().create().map(Reader::new).map_err(|e| self.port_error::<R>(&e))
+    }
+
+    fn create<R: Record>(
+        &self,
+        robots: usize,
+    ) -> Result<Service<ipc::Service, [R], R::Header>, ChannelError> {
+        let settings = &self.transport.settings;
+        let sample_bytes = robots * size_of::<R>() + size_of::<R::Header>();
+        let history = usize::from(matches!(R::CHANNEL, Channel::State | Channel::Command));
+        let service = self.name::<R>()?;
+        self.node
+            .service_builder(&service)
+            .publish_subscribe::<[R]>()
+            .user_header::<R::Header>()
+            .max_publishers(R::CHANNEL.max_writers(settings))
+            .max_subscribers(settings.max_readers.max(1))
+            .max_nodes(MAX_NODES)
+            .subscriber_max_borrowed_samples(MAX_HELD)
+            .subscriber_max_buffer_size(Channel::depth(settings, sample_bytes))
+            .history_size(history)
+            .enable_safe_overflow(R::CHANNEL.overwrites_oldest())
+            .open_or_create()
+            .map_err(|e| match e {
+                PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(e) => self.open_error::<R>(e),
+                other => self.open_failure::<R>(&other),
+            })
+    }
+
+    fn name<R: Record>(&self) -> Result<ServiceName, ChannelError> {
+        let name = self.transport.service_name(R::CHANNEL);
+        ServiceName::new(&name).map_err(|_| ChannelError::FleetName { name: self.transport.fleet.clone() })
+    }
+
+    fn open_error<R: Record>(&self, error: PublishSubscribeOpenError) -> ChannelError {
+        if error == PublishSubscribeOpenError::DoesNotExist {
+            ChannelError::NoDaemon { service: self.transport.service_name(R::CHANNEL) }
+        } else {
+            self.open_failure::<R>(&error)
+        }
+    }
+
+    fn open_failure<R: Record>(&self, reason: &dyn Debug) -> ChannelError {
+        ChannelError::Open { service: self.transport.service_name(R::CHANNEL), reason: format!("{reason:?}") }
+    }
+
+    fn port_error<R: Record>(&self, reason: &dyn Debug) -> ChannelError {
+        ChannelError::Port { service: self.transport.service_name(R::CHANNEL), reason: format!("{reason:?}") }
+    }
+
+    /// The process behind the first writer of a channel.
+    fn owner_of<R: Record>(&self, service: &Service<ipc::Service, [R], R::Header>) -> Option<Owner> {
+        let mut node_id = None;
+        service.dynamic_config().list_publishers(|writer| {
+            node_id = Some(writer.node_id);
+            CallbackProgression::Stop
+        });
+        let state = Node::<ipc::Service>::state_of(&self.transport.iceoryx, node_id?).ok()??;
+        let NodeState::Alive(view) = state else { return None };
+        let details = view.details().as_ref()?;
+        Some(Owner {
+            node: details.name().as_str().to_owned(),
+            executable: details.executable().to_string(),
+            pid: i64::from(details.process_id().value()),
+        })
+    }
+}

@@ -1,0 +1,80 @@
+use std::fmt::Debug;
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::config::ChannelConfig;
+use crate::wire::{
+    CommandHeader, ObservationHeader, RobotCommand, RobotObservation, RobotState, RobotTelemetry,
+    StateHeader, TelemetryHeader,
+};
+
+/// Shared memory that a channel may fill when its depth is not set.
+const CHANNEL_BYTES: usize = 32 << 20;
+
+/// The four channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Channel {
+    /// Poses from plants and drivers.
+    Observation,
+    /// The fleet's state at the start of each period.
+    State,
+    /// What the robots are to do in the next period.
+    Command,
+    /// How each period went.
+    Telemetry,
+}
+
+impl Channel {
+    /// The last part of the channel's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Observation => "observation",
+            Self::State => "state",
+            Self::Command => "command",
+            Self::Telemetry => "telemetry",
+        }
+    }
+
+    /// Whether a slow reader loses its oldest samples; otherwise it does not get the newest.
+    pub(super) fn overwrites_oldest(self) -> bool {
+        self != Self::Telemetry
+    }
+
+    pub(super) fn max_writers(self, config: &ChannelConfig) -> usize {
+        if self == Self::Observation { config.max_observers.max(1) } else { 1 }
+    }
+
+    /// Samples kept for each reader, when one sample has `sample_bytes`.
+    pub(super) fn depth(config: &ChannelConfig, sample_bytes: usize) -> usize {
+        let fits = CHANNEL_BYTES / (config.max_readers.max(1) * sample_bytes.max(1));
+        config.depth.unwrap_or(fits.clamp(8, 64)).max(1)
+    }
+}
+
+/// A record that has a channel of its own.
+pub trait Record: ZeroCopySend + Debug + Default + Copy + 'static {
+    /// What stands once at the head of a sample.
+    type Header: ZeroCopySend + Debug + Default + Copy + 'static;
+    /// Where it travels.
+    const CHANNEL: Channel;
+}
+
+impl Record for RobotObservation {
+    type Header = ObservationHeader;
+    const CHANNEL: Channel = Channel::Observation;
+}
+
+impl Record for RobotState {
+    type Header = StateHeader;
+    const CHANNEL: Channel = Channel::State;
+}
+
+impl Record for RobotCommand {
+    type Header = CommandHeader;
+    const CHANNEL: Channel = Channel::Command;
+}
+
+impl Record for RobotTelemetry {
+    type Header = TelemetryHeader;
+    const CHANNEL: Channel = Channel::Telemetry;
+}

@@ -1,0 +1,86 @@
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::ipc;
+use iceoryx2::sample_mut::SampleMut;
+
+use super::{ChannelError, Record};
+
+/// Writes samples of a fixed number of records, in place.
+#[derive(Debug)]
+pub struct Writer<R: Record> {
+    // Declared first: a loan must go back before its port.
+    next: Option<SampleMut<ipc::Service, [R], R::Header>>,
+    publisher: Publisher<ipc::Service, [R], R::Header>,
+    robots: usize,
+    discarded: Arc<AtomicU64>,
+}
+
+impl<R: Record> Writer<R> {
+    pub(super) fn new(
+        publisher: Publisher<ipc::Service, [R], R::Header>,
+        robots: usize,
+        discarded: Arc<AtomicU64>,
+    ) -> Self {
+        Self { next: None, publisher, robots, discarded }
+    }
+
+    pub(super) fn discard_counter() -> Arc<AtomicU64> {
+        Arc::default()
+    }
+
+    /// Takes the memory of the next sample, if it is not there yet. One allocation of 48 bytes.
+    ///
+    /// # Errors
+    /// [`ChannelError::Transfer`] when shared memory is exhausted.
+    pub fn prepare(&mut self) -> Result<(), ChannelError> {
+        if self.next.is_none() {
+            self.next = Some(self.loan()?);
+        }
+        Ok(())
+    }
+
+    /// Fills the next sample with `fill` and sends it. Allocates only if it was not prepared.
+    ///
+    /// # Errors
+    /// [`ChannelError::Transfer`] when it could not be loaned or sent.
+    pub fn publish(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
+        let mut sample = match self.next.take() {
+            Some(sample) => sample,
+            None => self.loan()?,
+        };
+        let mut header = R::Header::default();
+        fill(&mut header, sample.payload_mut());
+        *sample.user_header_mut() = header;
+        match sample.send() {
+            Ok(_) => Ok(()),
+            Err(_) => Err(Self::failed("a sample could not be sent to every reader")),
+        }
+    }
+
+    /// Connects to readers that have joined, so that the next send need not.
+    ///
+    /// # Errors
+    /// [`ChannelError::Transfer`] when a reader's memory cannot be mapped.
+    pub fn connect(&self) -> Result<(), ChannelError> {
+        self.publisher.update_connections().map_err(|_| Self::failed("a reader could not be connected"))
+    }
+
+    /// Samples that a reader did not get because it was too slow; 0 where the oldest is overwritten.
+    pub fn discarded(&self) -> u64 {
+        self.discarded.load(Ordering::Relaxed)
+    }
+
+    fn loan(&self) -> Result<SampleMut<ipc::Service, [R], R::Header>, ChannelError> {
+        let sample = self.publisher.loan_slice_uninit(self.robots);
+        sample
+            .map(|sample| sample.write_from_fn(|_| R::default()))
+            .map_err(|_| Self::failed("no memory for a sample"))
+    }
+
+    fn failed(reason: &'static str) -> ChannelError {
+        ChannelError::Transfer { channel: R::CHANNEL.name(), reason }
+    }
+}

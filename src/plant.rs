@@ -1,0 +1,146 @@
+//! The plant: robots that do exactly what the model says, behind the same gate as real ones.
+//!
+//! Reads command samples, writes poses. Under a held input a unicycle moves on an arc (see
+//! [`Arc`]), so there is no integration error. A robot whose command has expired stands still.
+//! World frame, metres, radians; times in `CLOCK_MONOTONIC` ns. About 60 ns a robot and period;
+//! allocates only when it is made.
+
+use crate::actuation::{Gate, Refusal};
+use crate::geometry::{Arc, Pose};
+use crate::model::Command;
+use crate::scenario::Scenario;
+use crate::wire::{CommandHeader, RobotCommand};
+
+/// A fleet of ideal unicycles.
+#[derive(Debug, Clone)]
+pub struct Plant {
+    now_ns: u64,
+    robots: Vec<(Pose, Gate)>,
+}
+
+impl Plant {
+    /// The scenario's robots at their starts, at rest, at time `now_ns`.
+    ///
+    /// `max_hold_ns` is the longest validity that a command may claim.
+    pub fn new(scenario: &Scenario, max_hold_ns: u64, now_ns: u64) -> Self {
+        let robots = scenario
+            .robots
+            .iter()
+            .map(|robot| (robot.start, Gate::new(robot.id, scenario.limits, max_hold_ns)))
+            .collect();
+        Self { now_ns, robots }
+    }
+
+    /// Pose of the `index`-th robot of the scenario, at the time of the last advance.
+    pub fn pose(&self, index: usize) -> Option<Pose> {
+        self.robots.get(index).map(|(pose, _)| *pose)
+    }
+
+    /// Poses of all robots, in the scenario's order.
+    pub fn poses(&self) -> impl Iterator<Item = Pose> + '_ {
+        self.robots.iter().map(|(pose, _)| *pose)
+    }
+
+    /// Hands the `index`-th robot a command, received at `now_ns`.
+    ///
+    /// # Errors
+    /// The gate's reason for refusing it.
+    pub fn command(
+        &mut self,
+        index: usize,
+        header: &CommandHeader,
+        command: &RobotCommand,
+        now_ns: u64,
+    ) -> Result<(), Refusal> {
+        match self.robots.get_mut(index) {
+            Some((_, gate)) => gate.offer(header, command, now_ns),
+            None => Err(Refusal::WrongRobot),
+        }
+    }
+
+    /// Moves every robot on to `to_ns`; does nothing when that time has passed.
+    pub fn advance(&mut self, to_ns: u64) {
+        for (pose, gate) in &mut self.robots {
+            let mut at_ns = self.now_ns;
+            while at_ns < to_ns {
+                let input = gate.input(at_ns);
+                // An input holds until the gate can change its mind, so every piece is one arc.
+                let end_ns = gate.next_change_ns(at_ns).map_or(to_ns, |change| change.min(to_ns));
+                if input != Command::STOP {
+                    let arc = Arc { start: *pose, v_mps: input.v_mps, omega_radps: input.omega_radps };
+                    *pose = arc.pose((end_ns - at_ns) as f64 * 1e-9);
+                }
+                at_ns = end_ns;
+            }
+        }
+        self.now_ns = self.now_ns.max(to_ns);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vec2;
+    use crate::model::{Limits, RobotId, RobotSpec};
+
+    const T: u64 = 80_000_000;
+
+    fn plant() -> Plant {
+        let scenario = Scenario {
+            name: "one".into(),
+            tolerance_m: 0.05,
+            duration_s: 1.0,
+            limits: Limits::default(),
+            robots: vec![RobotSpec {
+                id: RobotId(7),
+                radius_m: 0.15,
+                start: Pose::new(0.0, 0.0, 0.0),
+                goal_m: Vec2::new(1.0, 0.0),
+            }],
+            obstacles: vec![],
+        };
+        Plant::new(&scenario, T, 0)
+    }
+
+    fn header(tick: u64) -> CommandHeader {
+        CommandHeader {
+            epoch: 1,
+            tick,
+            valid_from_ns: tick * T,
+            valid_until_ns: (tick + 1) * T,
+            ..CommandHeader::default()
+        }
+    }
+
+    fn drive(v_mps: f64, omega_radps: f64) -> RobotCommand {
+        RobotCommand::verified(RobotId(7), Command { v_mps, omega_radps })
+    }
+
+    #[test]
+    fn one_period_is_one_arc_to_the_bit() {
+        let mut p = plant();
+        p.command(0, &header(1), &drive(3.0, 0.7), 10).unwrap();
+        p.advance(T);
+        assert_eq!(p.pose(0), Some(Pose::new(0.0, 0.0, 0.0)));
+        p.advance(2 * T);
+        let arc = Arc { start: Pose::new(0.0, 0.0, 0.0), v_mps: 3.0, omega_radps: 0.7 };
+        assert_eq!(p.pose(0), Some(arc.pose(T as f64 * 1e-9)));
+    }
+
+    #[test]
+    fn stands_still_once_the_command_has_expired() {
+        let mut p = plant();
+        p.command(0, &header(0), &drive(1.0, 0.0), 0).unwrap();
+        p.advance(50 * T);
+        assert_eq!(p.pose(0), Some(Pose::new(0.08, 0.0, 0.0)));
+    }
+
+    #[test]
+    fn a_late_command_acts_for_the_rest_of_its_period() {
+        let mut p = plant();
+        p.advance(T + T / 2);
+        p.command(0, &header(1), &drive(1.0, 0.0), T + T / 2).unwrap();
+        p.advance(3 * T);
+        assert!((p.poses().next().unwrap().position_m.x - 0.04).abs() < 1e-12);
+    }
+}

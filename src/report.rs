@@ -1,0 +1,99 @@
+//! What a run of the daemon is judged by: its report.
+//!
+//! Reads the figures of the control task and of the loop, writes one JSON object. Times in
+//! nanoseconds, distances in metres. Made once, when a run is over.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::admission::Rejections;
+use crate::figures::{ControlFigures, LatencyNs};
+use crate::realtime::Achieved;
+
+/// The daemon's report.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// The control law.
+    pub profile: &'static str,
+    /// The solver.
+    pub solver: &'static str,
+    /// How well the task was done.
+    #[serde(flatten)]
+    pub control: ControlFigures,
+    /// Why the run ended.
+    pub ended_by: &'static str,
+    /// Worker threads.
+    pub workers: usize,
+    /// Sampling period T, ns.
+    pub period_ns: u64,
+    /// Periods that were released.
+    pub ticks: u64,
+    /// Periods that passed as a whole because the loop overran.
+    pub skipped_periods: u64,
+    /// Periods, skipped ones included, for which a command was missing or late.
+    pub deadline_misses: u64,
+    /// Stops in place of verified commands, but for the start and the end of the run: those of
+    /// skipped and late periods included.
+    pub fallback_commands: u64,
+    /// Stops by reason.
+    pub stops: BTreeMap<&'static str, u64>,
+    /// From the scheduled start of a period to the loop being awake, ns.
+    pub release_lateness_ns: LatencyNs,
+    /// From waking to the state being published and the workers woken, ns.
+    pub state_publish_ns: LatencyNs,
+    /// From the stamp of the state to a worker reading it, ns.
+    pub state_to_worker_ns: LatencyNs,
+    /// From the stamp of the state to the last command being staged, ns.
+    pub state_to_staged_ns: LatencyNs,
+    /// From the stamp of the state to the commands being published, ns. By design the deadline: the
+    /// period less its margin.
+    pub state_to_command_ns: LatencyNs,
+    /// From the deadline to the commands being published, ns.
+    pub deadline_lateness_ns: LatencyNs,
+    /// The solver alone, for one robot, ns.
+    pub solve_ns: LatencyNs,
+    /// A robot's whole step, ns.
+    pub step_ns: LatencyNs,
+    /// What the kernel granted.
+    pub realtime: Achieved,
+    /// Observations refused, by reason.
+    pub rejected_inputs: Rejections,
+    /// Times that a worker panicked and was built anew.
+    pub worker_panics: u64,
+    /// Workers that did not come home at the end of the run.
+    pub workers_hung: usize,
+    /// Records that telemetry lost; with any, the figures of the control task are incomplete.
+    pub lost_records: u64,
+    /// Samples that could not be loaned or sent to every reader.
+    pub send_failures: u64,
+    /// The kernel.
+    pub kernel: String,
+    /// The processor.
+    pub cpu: String,
+}
+
+impl Report {
+    /// Whether all robots arrived, no clearance was violated, and every period is accounted for.
+    pub fn success(&self) -> bool {
+        self.control.arrived == self.control.robots && self.control.violations == 0 && self.lost_records == 0
+    }
+}
+
+/// The kernel's name and release.
+pub(crate) fn kernel() -> String {
+    let uname = rustix::system::uname();
+    let part = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
+    format!("{} {} {}", part(uname.sysname()), part(uname.release()), part(uname.version()))
+}
+
+/// The processor's name.
+pub(crate) fn cpu() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(':'));
+    let name = name.map_or(std::env::consts::ARCH, |(_, name)| name.trim());
+    let count = info.lines().filter(|line| line.starts_with("processor")).count();
+    format!("{count} × {name}")
+}

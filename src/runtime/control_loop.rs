@@ -1,0 +1,261 @@
+use std::sync::Arc;
+use std::thread::Thread;
+
+use super::board::Board;
+use crate::channel::Writer;
+use crate::clock::Clock;
+use crate::model::{Command, Limits, RobotId};
+use crate::schedule::Schedule;
+use crate::source::{Instant, StateSource};
+use crate::telemetry::{PeriodRecord, Pool};
+use crate::wire::{
+    CommandHeader, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason, TelemetryHeader,
+    state_flags,
+};
+
+/// The loop: releases periods on an absolute schedule and publishes states and commands.
+///
+/// Period k, in this order (logical execution time):
+///
+/// 1. wake at `t_k`; if whole periods have passed, go on with the one whose time it is;
+/// 2. ask the source for the poses at `t_k` and publish **one** state sample, which carries the
+///    commands committed for `[t_k, t_{k+1})`;
+/// 3. wake the workers and sleep until the deadline `t_{k+1} − margin`;
+/// 4. take what they staged and publish **one** command sample for `[t_{k+1}, t_{k+2})`; a robot
+///    without a complete, admissible command gets a stop and the reason;
+/// 5. with the period's duty done: take the memory of the next samples, and leave the record.
+///
+/// Commands that are ready only after `t_{k+1}` are thrown away: nobody knows what the robots did
+/// meanwhile, and without a valid command they stand still.
+pub(super) struct ControlLoop<C: Clock> {
+    pub(super) clock: C,
+    pub(super) schedule: Schedule,
+    pub(super) epoch: u64,
+    pub(super) tick_end: u64,
+    pub(super) tolerance_m: f64,
+    pub(super) limits: Limits,
+    pub(super) states: Writer<RobotState>,
+    pub(super) commands: Writer<RobotCommand>,
+    pub(super) source: Box<dyn StateSource>,
+    pub(super) board: Arc<Board>,
+    pub(super) workers: Vec<Thread>,
+    pub(super) records: Arc<Pool<PeriodRecord>>,
+    pub(super) memory: LoopMemory,
+}
+
+/// What the loop remembers from period to period, all of it made before the first.
+pub(super) struct LoopMemory {
+    states: Vec<RobotState>,
+    commands: Vec<RobotCommand>,
+    /// What the robots mean to do with `commands`.
+    intents: Vec<RobotIntent>,
+    /// The period in which `commands` act, if they went out.
+    committed: Option<u64>,
+    send_failures: u64,
+}
+
+impl LoopMemory {
+    pub(super) fn new(states: Vec<RobotState>) -> Self {
+        let commands = states.iter().map(|s| RobotCommand::stop(RobotId(s.id), StopReason::Start)).collect();
+        let intents = vec![RobotIntent::default(); states.len()];
+        Self { states, commands, intents, committed: None, send_failures: 0 }
+    }
+}
+
+impl<C: Clock> ControlLoop<C> {
+    /// Runs until a stop is asked for or the last period is over; returns why.
+    pub(super) fn run(&mut self) -> StopReason {
+        self.publish_start();
+        let mut planned = 0;
+        loop {
+            self.clock.sleep_until(self.schedule.release_ns(planned));
+            let tick = self.schedule.resume(planned, self.clock.now_ns());
+            let reason = self.board.stop_requested();
+            if let Some(reason) = reason.or((tick >= self.tick_end).then_some(StopReason::Finished)) {
+                self.publish_stop(tick, reason);
+                self.board.end();
+                self.wake_workers();
+                return reason;
+            }
+            self.period(tick, tick - planned);
+            planned = tick + 1;
+        }
+    }
+
+    fn period(&mut self, tick: u64, skipped_periods: u64) {
+        let release_ns = self.schedule.release_ns(tick);
+        let woken_ns = self.clock.now_ns();
+        self.observe(tick, Instant { epoch: self.epoch, release_ns, now_ns: woken_ns });
+        self.publish_states(tick, release_ns, woken_ns);
+        self.board.release(tick);
+        self.wake_workers();
+        let published_ns = self.clock.now_ns();
+
+        let deadline_ns = self.schedule.deadline_ns(tick);
+        self.clock.sleep_until(deadline_ns);
+        self.collect(tick);
+        let on_time = self.publish_commands(tick, woken_ns);
+        let answered_ns = self.clock.now_ns();
+
+        self.prepare();
+        let header = TelemetryHeader {
+            epoch: self.epoch,
+            tick,
+            release_ns,
+            release_lateness_ns: woken_ns.saturating_sub(release_ns),
+            state_publish_ns: published_ns.saturating_sub(woken_ns),
+            state_to_staged_ns: 0,
+            state_to_command_ns: answered_ns.saturating_sub(woken_ns),
+            deadline_lateness_ns: answered_ns.saturating_sub(deadline_ns),
+            skipped_periods,
+            fallback_commands: 0,
+            lost_records: self.records.lost(),
+        };
+        self.record(&header, on_time);
+    }
+
+    /// The state at `t_k`: poses from the source, and the commands that are really in force.
+    fn observe(&mut self, tick: u64, instant: Instant) {
+        let memory = &mut self.memory;
+        let in_force = memory.committed == Some(tick);
+        let answers = memory.commands.iter().zip(&memory.intents);
+        for (state, (command, intent)) in memory.states.iter_mut().zip(answers) {
+            let (command, intent) =
+                if in_force { (command.command(), *intent) } else { (Command::STOP, RobotIntent::default()) };
+            state.set_command(command);
+            state.intent = intent;
+        }
+        self.source.observe(instant, &mut memory.states);
+        for state in &mut memory.states {
+            let arrived = (state.position_m() - state.goal_m()).norm() <= self.tolerance_m;
+            state.flags = if arrived && state.has(state_flags::VALID) {
+                state.flags | state_flags::ARRIVED
+            } else {
+                state.flags & !state_flags::ARRIVED
+            };
+        }
+    }
+
+    fn publish_states(&mut self, tick: u64, release_ns: u64, stamp_ns: u64) {
+        let header = StateHeader {
+            epoch: self.epoch,
+            tick,
+            stamp_ns,
+            release_ns,
+            period_ns: self.schedule.period_ns(),
+        };
+        let states = &self.memory.states;
+        let sent = self.states.publish(|head, robots| {
+            *head = header;
+            robots.copy_from_slice(states);
+        });
+        self.memory.send_failures += u64::from(sent.is_err());
+    }
+
+    /// Takes what is staged for `tick`; what is not there or not admissible becomes a stop.
+    fn collect(&mut self, tick: u64) {
+        let memory = &mut self.memory;
+        let answers = memory.commands.iter_mut().zip(&mut memory.intents);
+        for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
+            let staged = self.board.staging.take(index, tick);
+            *intent = staged.map_or_else(RobotIntent::default, |(_, intent)| intent);
+            let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
+            *command = match staged {
+                _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
+                None => stop(StopReason::Deadline),
+                Some((staged, _)) if staged.stop_reason != 0 => {
+                    RobotCommand { v_mps: 0.0, omega_radps: 0.0, ..staged }
+                }
+                Some((staged, _)) if self.limits.admits(staged.command()) => staged,
+                Some(_) => stop(StopReason::Unverified),
+            };
+        }
+    }
+
+    /// Publishes the commands that act in the period after `tick`, unless that has begun.
+    fn publish_commands(&mut self, tick: u64, state_stamp_ns: u64) -> bool {
+        let stamp_ns = self.clock.now_ns();
+        let valid_from_ns = self.schedule.release_ns(tick + 1);
+        if stamp_ns >= valid_from_ns {
+            self.memory.committed = None;
+            return false;
+        }
+        self.send_commands(&CommandHeader {
+            epoch: self.epoch,
+            tick: tick + 1,
+            stamp_ns,
+            state_stamp_ns,
+            valid_from_ns,
+            valid_until_ns: self.schedule.release_ns(tick + 2),
+        });
+        true
+    }
+
+    /// The command of period 0: stand still until the first state is answered.
+    fn publish_start(&mut self) {
+        let stamp_ns = self.clock.now_ns();
+        self.send_commands(&CommandHeader {
+            epoch: self.epoch,
+            tick: 0,
+            stamp_ns,
+            state_stamp_ns: stamp_ns,
+            valid_from_ns: self.schedule.release_ns(0),
+            valid_until_ns: self.schedule.release_ns(1),
+        });
+        self.prepare();
+    }
+
+    /// A last command that acts at once and stops everybody.
+    fn publish_stop(&mut self, tick: u64, reason: StopReason) {
+        for command in &mut self.memory.commands {
+            *command = RobotCommand::stop(RobotId(command.id), reason);
+        }
+        let stamp_ns = self.clock.now_ns();
+        self.send_commands(&CommandHeader {
+            epoch: self.epoch,
+            tick: tick + 1,
+            stamp_ns,
+            state_stamp_ns: stamp_ns,
+            valid_from_ns: stamp_ns,
+            valid_until_ns: stamp_ns + self.schedule.period_ns(),
+        });
+    }
+
+    fn send_commands(&mut self, header: &CommandHeader) {
+        let memory = &mut self.memory;
+        let commands = &memory.commands;
+        let sent = self.commands.publish(|head, robots| {
+            *head = *header;
+            robots.copy_from_slice(commands);
+        });
+        // A reader that could not be reached is the only way to fail; the others have it.
+        memory.send_failures += u64::from(sent.is_err());
+        memory.committed = Some(header.tick);
+        self.source.commit(header, commands, header.stamp_ns);
+    }
+
+    /// Takes the memory of the next samples: the two allocations of a period.
+    fn prepare(&mut self) {
+        for ready in [self.states.prepare(), self.commands.prepare()] {
+            self.memory.send_failures += u64::from(ready.is_err());
+        }
+    }
+
+    fn wake_workers(&self) {
+        for worker in &self.workers {
+            worker.unpark();
+        }
+    }
+
+    fn record(&self, header: &TelemetryHeader, published: bool) {
+        let memory = &self.memory;
+        self.records.write(|record| {
+            record.header = *header;
+            record.states.copy_from_slice(&memory.states);
+            record.commands.copy_from_slice(&memory.commands);
+            record.published = published;
+            record.send_failures = memory.send_failures;
+            record.rejections = self.source.rejections();
+        });
+    }
+}

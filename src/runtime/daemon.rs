@@ -1,0 +1,329 @@
+use std::ops::Range;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::Until;
+use super::board::Board;
+use super::decider::Decider;
+use super::error::DaemonError;
+use super::housekeeping::{Answers, Findings, Forecast, Housekeeper};
+use super::progress::Progress;
+use super::statistics::Statistics;
+use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
+use crate::channel::Transport;
+use crate::clock::{Clock, MonotonicClock};
+use crate::config::Config;
+use crate::controller::RobotGroup;
+use crate::figures::Accumulator;
+use crate::realtime::{Achieved, Placement, ThreadGrant, lock_memory, usable_cpus};
+use crate::report::{self, Report};
+use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
+use crate::wire::StopReason;
+
+/// How long threads may take to come home at the end.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// A running daemon. Dropping it ends the run and waits for its threads, but not for ever.
+#[derive(Debug)]
+pub struct Daemon {
+    config: Arc<Config>,
+    board: Arc<Board>,
+    progress: Arc<Mutex<Progress>>,
+    realtime: Achieved,
+    loop_thread: Option<JoinHandle<Option<StopReason>>>,
+    workers: Vec<JoinHandle<()>>,
+    housekeeping: Option<JoinHandle<Option<Findings>>>,
+}
+
+impl Daemon {
+    /// Starts the fleet of `config`.
+    ///
+    /// # Errors
+    /// Those of [`Daemon::start_with`].
+    pub fn start(config: Config, until: Until) -> Result<Self, DaemonError> {
+        let for_workers = config.clone();
+        Self::start_with(config, until, move |owned| RobotGroup::new(&for_workers, owned))
+    }
+
+    /// Starts the fleet of `config` with controllers that `make` builds, one for each worker's
+    /// range of robots, in the worker's thread. Returns when the first period is scheduled.
+    ///
+    /// # Errors
+    /// [`DaemonError`]: the fleet has another owner, a real-time call was refused under `require`,
+    /// a channel, a controller or a thread could not be made. Nothing is left running.
+    pub fn start_with<D, E, F>(config: Config, until: Until, make: F) -> Result<Self, DaemonError>
+    where
+        D: Decider,
+        E: std::fmt::Display,
+        F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
+    {
+        let mut realtime = Achieved::default();
+        realtime.add_memory(lock_memory(&config.realtime));
+        let config = Arc::new(config);
+        let robots = config.scenario.robots.len();
+        let board = Arc::new(Board::new(config.scenario.robots.iter().map(|robot| robot.id.0).collect()));
+        let common = Common {
+            transport: Transport::new(&config.fleet, &config.channel)?,
+            config: Arc::clone(&config),
+            board: Arc::clone(&board),
+            // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
+            // unlike the wall clock it cannot be set back.
+            epoch: MonotonicClock.now_ns(),
+        };
+        let mut daemon = Self {
+            config,
+            board,
+            progress: Arc::new(Mutex::new(Progress { robots, ..Progress::default() })),
+            realtime,
+            loop_thread: None,
+            workers: Vec::new(),
+            housekeeping: None,
+        };
+        daemon.spawn_all(&common, until, make)?;
+        Ok(daemon)
+    }
+
+    fn spawn_all<D, E, F>(&mut self, common: &Common, until: Until, make: F) -> Result<(), DaemonError>
+    where
+        D: Decider,
+        E: std::fmt::Display,
+        F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
+    {
+        let config = Arc::clone(&self.config);
+        let robots = config.scenario.robots.len();
+        let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
+        let capacity = record_capacity(&config);
+        let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(robots)));
+        let (go, going) = sync_channel(1);
+
+        // One channel a thread: a thread that dies before it is ready closes its own.
+        let (ready, readiness) = sync_channel(1);
+        let thread = {
+            let (common, periods) = (common.clone(), Arc::clone(&periods));
+            let cpu = placement.loop_cpu;
+            spawn("clearway-loop", move || {
+                let end = EndOnDrop(&common.board);
+                let reason = loop_thread(&common, until, cpu, periods, &ready, &going);
+                drop(end);
+                reason
+            })?
+        };
+        self.loop_thread = Some(thread);
+        // Before anybody else touches the fleet: this one tells whether it is ours.
+        self.realtime.add_thread(wait(&readiness)?);
+
+        let make = Arc::new(make);
+        let mut solves = Vec::new();
+        for (index, owned) in shares(robots, placement.worker_cpus.len()).enumerate() {
+            let records =
+                Arc::new(Pool::new(capacity, || SolveRecord::with_robots(owned.start, owned.len())));
+            solves.push(Arc::clone(&records));
+            let (common, make) = (common.clone(), Arc::clone(&make));
+            let (ready, readiness) = sync_channel(1);
+            let cpu = placement.worker_cpus[index];
+            self.workers.push(spawn(&format!("clearway-w{index}"), move || {
+                worker_thread(&common, index, owned, cpu, records, &*make, &ready);
+            })?);
+            self.realtime.add_thread(wait(&readiness)?);
+        }
+        if !self.realtime.satisfies(config.realtime.policy) {
+            return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
+        }
+        self.spawn_housekeeping(common, until, periods, solves, capacity)?;
+        let handles = self.workers.iter().map(|worker| worker.thread().clone()).collect();
+        go.send(handles).map_err(|_| DaemonError::Panicked { thread: "loop" })
+    }
+
+    fn spawn_housekeeping(
+        &mut self,
+        common: &Common,
+        until: Until,
+        periods: Arc<Pool<PeriodRecord>>,
+        solves: Vec<Arc<Pool<SolveRecord>>>,
+        capacity: usize,
+    ) -> Result<(), DaemonError> {
+        let (common, progress) = (common.clone(), Arc::clone(&self.progress));
+        let (ready, readiness) = sync_channel(1);
+        let thread = spawn("clearway-house", move || {
+            let config = &common.config;
+            let robots = config.scenario.robots.len();
+            let period_s = config.timing.period_s();
+            let prepared = (|| {
+                let node = common.transport.attach("clearwayd-house")?;
+                let telemetry = node.writer(robots)?;
+                Ok::<_, DaemonError>((node, telemetry, Statistics::new(robots, period_s)?))
+            })();
+            let (node, telemetry, statistics) = match prepared {
+                Ok(prepared) => prepared,
+                Err(e) => {
+                    let _ = ready.send(Err(e));
+                    return None;
+                }
+            };
+            let _ = ready.send(Ok(()));
+            let housekeeper = Housekeeper {
+                node,
+                telemetry,
+                periods,
+                solves,
+                board: Arc::clone(&common.board),
+                accumulator: Accumulator::new(&config.scenario, period_s),
+                answers: Answers::new(robots, capacity + 2),
+                statistics,
+                progress,
+                until,
+                settled: false,
+                forecast: Forecast::new(config),
+                poll: poll_interval(config),
+            };
+            Some(housekeeper.run())
+        })?;
+        self.housekeeping = Some(thread);
+        readiness.recv().map_err(|_| DaemonError::Panicked { thread: "housekeeping" })??;
+        Ok(())
+    }
+
+    /// What the kernel granted.
+    pub fn realtime(&self) -> &Achieved {
+        &self.realtime
+    }
+
+    /// How the run is going, a few milliseconds ago.
+    pub fn progress(&self) -> Progress {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Asks the run to end with a last stop command, at the start of the next period.
+    pub fn stop(&self) {
+        self.board.request_stop(StopReason::Operator);
+    }
+
+    /// Whether the run is over.
+    pub fn is_finished(&self) -> bool {
+        self.housekeeping.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Waits for the end of the run.
+    ///
+    /// # Errors
+    /// [`DaemonError::Panicked`] when the loop or the housekeeping did.
+    pub fn join(mut self) -> Result<Report, DaemonError> {
+        let reason = self.loop_thread.take().map(JoinHandle::join);
+        let findings = self.housekeeping.take().map(JoinHandle::join);
+        let Some(Ok(Some(reason))) = reason else { return Err(DaemonError::Panicked { thread: "loop" }) };
+        let Some(Ok(Some(findings))) = findings else {
+            return Err(DaemonError::Panicked { thread: "housekeeping" });
+        };
+        let workers = self.workers.len();
+        let hung = self.join_workers();
+        Ok(self.report(findings, reason, workers, hung))
+    }
+
+    /// Waits for the workers, and returns how many of them hang and have to be left behind.
+    fn join_workers(&mut self) -> usize {
+        let end = Instant::now() + PATIENCE;
+        // A panic in a worker was caught and counted inside.
+        self.workers.drain(..).filter_map(|worker| join_until(worker, end).err()).count()
+    }
+
+    fn report(&self, findings: Findings, reason: StopReason, workers: usize, workers_hung: usize) -> Report {
+        let Findings { accumulator, statistics } = findings;
+        let config = &self.config;
+        Report {
+            scenario: config.scenario.name.clone(),
+            profile: config.controller.profile.name(),
+            solver: config.controller.solver.name(),
+            control: accumulator.finish(),
+            ended_by: reason.name(),
+            workers,
+            period_ns: config.timing.period_ns,
+            ticks: statistics.ticks,
+            skipped_periods: statistics.skipped_periods,
+            deadline_misses: statistics.deadline_misses,
+            fallback_commands: statistics.fallback_commands,
+            stops: statistics.stops,
+            release_lateness_ns: statistics.release_lateness.summary(),
+            state_publish_ns: statistics.state_publish.summary(),
+            state_to_worker_ns: statistics.state_to_worker.summary(),
+            state_to_staged_ns: statistics.state_to_staged.summary(),
+            state_to_command_ns: statistics.state_to_command.summary(),
+            deadline_lateness_ns: statistics.deadline_lateness.summary(),
+            solve_ns: statistics.solve.summary(),
+            step_ns: statistics.step.summary(),
+            realtime: self.realtime.clone(),
+            rejected_inputs: statistics.rejections,
+            worker_panics: statistics.worker_panics,
+            workers_hung,
+            lost_records: statistics.lost_records,
+            send_failures: statistics.send_failures,
+            kernel: report::kernel(),
+            cpu: report::cpu(),
+        }
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        self.stop();
+        // Without housekeeping the loop was never told to go, and nobody else sends the workers home.
+        if self.housekeeping.is_none() {
+            self.board.end();
+        }
+        // Threads that are cut off by the end of the process leave their files in shared memory.
+        let end = Instant::now() + PATIENCE;
+        if let Some(thread) = self.loop_thread.take() {
+            let _ = join_until(thread, end);
+        }
+        self.join_workers();
+        if let Some(thread) = self.housekeeping.take() {
+            let _ = join_until(thread, end);
+        }
+    }
+}
+
+/// Waits for a thread until `end`.
+///
+/// # Errors
+/// The thread, when it has not ended by then.
+fn join_until<T>(thread: JoinHandle<T>, end: Instant) -> Result<std::thread::Result<T>, JoinHandle<T>> {
+    while !thread.is_finished() {
+        if Instant::now() >= end {
+            return Err(thread);
+        }
+        // It may be asleep until somebody wakes it.
+        thread.thread().unpark();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Ok(thread.join())
+}
+
+/// Ends the run when the loop does, however it does.
+struct EndOnDrop<'a>(&'a Board);
+
+impl Drop for EndOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+fn spawn<T: Send + 'static>(
+    name: &str,
+    body: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>, DaemonError> {
+    std::thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(body)
+        .map_err(|e| DaemonError::Thread { thread: name.to_owned(), reason: e.to_string() })
+}
+
+fn wait(readiness: &Receiver<Result<ThreadGrant, DaemonError>>) -> Result<ThreadGrant, DaemonError> {
+    readiness.recv().unwrap_or(Err(DaemonError::Panicked { thread: "starting" }))
+}
+
+/// Contiguous shares of `robots` for `workers`, as equal as they can be.
+fn shares(robots: usize, workers: usize) -> impl Iterator<Item = Range<usize>> {
+    let workers = workers.max(1);
+    (0..workers).map(move |w| w * robots / workers..(w + 1) * robots / workers)
+}

@@ -1,0 +1,236 @@
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::Until;
+use super::board::{Board, Released};
+use super::progress::Progress;
+use super::statistics::Statistics;
+use crate::certificate::Decrease;
+use crate::channel::{Attachment, Writer};
+use crate::config::Config;
+use crate::figures::Accumulator;
+use crate::model::Command;
+use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
+use crate::wire::{RobotTelemetry, StopReason, TelemetryHeader};
+
+/// How often dead processes are cleaned up and changes are logged.
+const CHORES_EVERY: Duration = Duration::from_secs(1);
+
+/// Steps that a forecast looks ahead; what takes longer is `u32::MAX`.
+const SETTLING_STEPS_MAX: u32 = 250;
+
+/// The thread that may allocate, format and wait: it turns records into figures, samples on
+/// `telemetry` and log lines.
+pub(super) struct Housekeeper {
+    pub(super) node: Attachment,
+    pub(super) telemetry: Writer<RobotTelemetry>,
+    pub(super) periods: Arc<Pool<PeriodRecord>>,
+    pub(super) solves: Vec<Arc<Pool<SolveRecord>>>,
+    pub(super) board: Arc<Board>,
+    pub(super) accumulator: Accumulator,
+    pub(super) answers: Answers,
+    pub(super) statistics: Statistics,
+    pub(super) progress: Arc<Mutex<Progress>>,
+    pub(super) until: Until,
+    /// Every robot has arrived and stands, now and in the next period.
+    pub(super) settled: bool,
+    pub(super) forecast: Forecast,
+    pub(super) poll: Duration,
+}
+
+/// What housekeeping knows at the end.
+pub(super) struct Findings {
+    pub(super) accumulator: Accumulator,
+    pub(super) statistics: Statistics,
+}
+
+impl Housekeeper {
+    /// Keeps house until the loop has ended and everything it left is read.
+    pub(super) fn run(mut self) -> Findings {
+        let started = Instant::now();
+        let mut chores_due = started + CHORES_EVERY;
+        loop {
+            // Looked at first: what was left before the end is then read below.
+            let over = self.board.released(None) == Released::Over;
+            self.drain();
+            self.statistics.lost_records = self.lost();
+            self.show(started);
+            if self.until == Until::Arrived && self.settled {
+                self.board.request_stop(StopReason::Finished);
+            }
+            if over {
+                self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
+                return Findings { accumulator: self.accumulator, statistics: self.statistics };
+            }
+            if Instant::now() >= chores_due {
+                chores_due += CHORES_EVERY;
+                self.chores();
+            }
+            std::thread::sleep(self.poll);
+        }
+    }
+
+    fn drain(&mut self) {
+        let Self { periods, solves, accumulator, answers, statistics, telemetry, settled, forecast, .. } =
+            self;
+        let mut more = true;
+        while more {
+            more = periods
+                .read(|period| {
+                    // A worker that was in time left its record before the loop left this one.
+                    answers.drain(solves, accumulator, statistics);
+                    let header = statistics.add_period(period, answers.get(period.header.tick));
+                    accumulator.observe_period(period.header.tick, &period.states);
+                    *settled = accumulator.arrived() == answers.robots && stands(period);
+                    publish(telemetry, &header, period, answers, forecast);
+                })
+                .is_some();
+        }
+        answers.drain(solves, accumulator, statistics);
+    }
+
+    fn lost(&self) -> u64 {
+        self.periods.lost() + self.solves.iter().map(|pool| pool.lost()).sum::<u64>()
+    }
+
+    fn show(&mut self, started: Instant) {
+        let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        self.statistics.fill(&mut progress);
+        progress.wall_s = started.elapsed().as_secs_f64();
+        progress.arrived = self.accumulator.arrived();
+        progress.min_clearance_m = self.accumulator.min_clearance_m();
+        progress.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
+    }
+
+    fn chores(&mut self) {
+        let cleaned = self.node.clean_up();
+        if cleaned.removed + cleaned.failed > 0 {
+            tracing::info!(
+                removed = cleaned.removed,
+                failed = cleaned.failed,
+                "cleaned up after dead processes"
+            );
+        }
+        self.statistics.log_changes(self.telemetry.discarded(), &self.board);
+    }
+}
+
+fn stands(period: &PeriodRecord) -> bool {
+    period.states.iter().all(|state| state.command() == Command::STOP)
+        && period.commands.iter().all(|command| command.command() == Command::STOP)
+}
+
+/// Predicts from the recursion of the position certificate when robots will have arrived. Too long
+/// a computation for the workers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Forecast {
+    decrease: Decrease,
+    reach_m: f64,
+    tolerance_m: f64,
+}
+
+impl Forecast {
+    pub(super) fn new(config: &Config) -> Self {
+        Self {
+            decrease: Decrease::of(&config.controller),
+            reach_m: config.scenario.limits.v_max_mps * config.timing.period_s(),
+            tolerance_m: config.scenario.tolerance_m,
+        }
+    }
+
+    fn settling_steps(&self, lyapunov_position_m2: f64) -> u32 {
+        let distance_m = (2.0 * lyapunov_position_m2).sqrt();
+        let steps =
+            self.decrease.settling_steps(distance_m, self.reach_m, self.tolerance_m, SETTLING_STEPS_MAX);
+        steps.unwrap_or(u32::MAX)
+    }
+}
+
+/// Puts a period's telemetry together and sends it.
+fn publish(
+    telemetry: &mut Writer<RobotTelemetry>,
+    header: &TelemetryHeader,
+    period: &PeriodRecord,
+    answers: &Answers,
+    forecast: &Forecast,
+) {
+    let answer = answers.get(header.tick);
+    let sent = telemetry.publish(|head, robots| {
+        *head = *header;
+        for (index, (robot, command)) in robots.iter_mut().zip(&period.commands).enumerate() {
+            if let Some(solved) = answer.and_then(|a| a.robots.get(index)) {
+                *robot = *solved;
+                robot.settling_steps = forecast.settling_steps(robot.lyapunov_position_m2);
+            }
+            // What went out, whatever the worker wanted.
+            robot.id = command.id;
+            robot.stop_reason = command.stop_reason;
+            (robot.v_mps, robot.omega_radps) = (command.v_mps, command.omega_radps);
+        }
+    });
+    if sent.is_err() {
+        tracing::debug!(tick = header.tick, "telemetry did not reach every reader");
+    }
+}
+
+/// The workers' records of the last periods, put together by tick.
+pub(super) struct Answers {
+    robots: usize,
+    ring: Vec<Answer>,
+}
+
+/// One period's solutions.
+#[derive(Debug, Clone)]
+pub(super) struct Answer {
+    tick: Option<u64>,
+    /// Robots whose record is there.
+    pub(super) known: usize,
+    /// When the last of them was staged, from the state's stamp, ns.
+    pub(super) staged_ns: u64,
+    robots: Vec<RobotTelemetry>,
+}
+
+impl Answers {
+    pub(super) fn new(robots: usize, periods: usize) -> Self {
+        let empty =
+            Answer { tick: None, known: 0, staged_ns: 0, robots: vec![RobotTelemetry::default(); robots] };
+        Self { robots, ring: vec![empty; periods.max(1)] }
+    }
+
+    fn slot(&self, tick: u64) -> usize {
+        usize::try_from(tick % self.ring.len() as u64).unwrap_or(0)
+    }
+
+    fn get(&self, tick: u64) -> Option<&Answer> {
+        self.ring.get(self.slot(tick)).filter(|answer| answer.tick == Some(tick))
+    }
+
+    fn drain(
+        &mut self,
+        solves: &[Arc<Pool<SolveRecord>>],
+        figures: &mut Accumulator,
+        statistics: &mut Statistics,
+    ) {
+        for pool in solves {
+            while pool.read(|record| self.add(record, figures, statistics)).is_some() {}
+        }
+    }
+
+    fn add(&mut self, record: &SolveRecord, figures: &mut Accumulator, statistics: &mut Statistics) {
+        statistics.add_solves(record);
+        let slot = self.slot(record.tick);
+        let Some(answer) = self.ring.get_mut(slot) else { return };
+        if answer.tick != Some(record.tick) {
+            (answer.tick, answer.known, answer.staged_ns) = (Some(record.tick), 0, 0);
+            answer.robots.fill(RobotTelemetry::default());
+        }
+        answer.known += record.robots.len();
+        answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
+        let mine = answer.robots.iter_mut().skip(record.first);
+        for (mine, robot) in mine.zip(&record.robots) {
+            *mine = *robot;
+            figures.observe_solve(robot);
+        }
+    }
+}

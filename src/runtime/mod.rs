@@ -1,0 +1,49 @@
+//! The daemon: one loop thread, worker threads, and a thread that keeps house.
+//!
+//! ```text
+//!             ┌───────────────── loop (SCHED_FIFO p) ─────────────────┐
+//! source ───▶ │ t_k: state sample ──▶ wake          deadline: collect │ ──▶ command sample
+//!             └───────│────────────────│───────────────────▲──────────┘
+//!              shared memory         futex          staged commands (atomics)
+//!             ┌───────▼────────────────▼───────────────────│──────────┐
+//!             │ workers (SCHED_FIFO p−1): each owns its robots alone  │
+//!             └───────────────────────────────────────────────────────┘
+//!                records through bounded queues ──▶ housekeeping ──▶ telemetry sample, figures, log
+//! ```
+//!
+//! Logical execution time: commands computed in period k act in period k+1, whenever they were
+//! ready, so that jitter never changes the closed loop. What is late is not used; robots without a
+//! valid command stand still, which is safe in every state.
+//!
+//! Steady state, a period: the loop makes two allocations of 48 bytes (the loans of the next
+//! samples, after the commands are out), the workers none; neither locks, formats or logs.
+
+mod board;
+mod control_loop;
+mod daemon;
+mod decider;
+mod error;
+mod housekeeping;
+mod progress;
+mod staging;
+mod statistics;
+mod threads;
+mod worker;
+
+pub use daemon::Daemon;
+pub use decider::Decider;
+pub use error::DaemonError;
+pub use progress::Progress;
+pub use staging::Staging;
+
+/// When a run ends by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Until {
+    /// When every robot has arrived, or the scenario's time is up.
+    Arrived,
+    /// Only when it is asked to, or after the configured number of periods.
+    Stopped,
+}
+
+#[cfg(test)]
+mod tests;

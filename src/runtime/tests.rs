@@ -1,0 +1,410 @@
+//! The loop and its workers over real shared memory, in lockstep under a virtual clock: nothing here
+//! depends on how fast the machine is.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+
+use super::board::{Board, Released};
+use super::control_loop::{ControlLoop, LoopMemory};
+use super::decider::Decider;
+use super::threads::Common;
+use super::worker::Worker;
+use crate::channel::{Attachment, CommandReader, StateReader, Transport};
+use crate::clock::Clock;
+use crate::config::Config;
+use crate::controller::{Decision, RobotGroup, Timing};
+use crate::plant::Plant;
+use crate::scenario::Scenario;
+use crate::schedule::Schedule;
+use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
+use crate::wire::{CommandHeader, RobotCommand, RobotState, StateHeader, StopReason};
+
+#[path = "../../tests/support/mod.rs"]
+mod support;
+use support::{World, config, lanes, straight};
+
+const T: u64 = 80_000_000;
+const START: u64 = 1_000_000_000;
+
+/// Whether the deadline of a tick may come.
+type Ready = Box<dyn Fn(&Board, u64) -> bool + Send + Sync>;
+/// What goes wrong in a worker's n-th period.
+type Fault = Arc<dyn Fn(u64, &Range<usize>) + Send + Sync>;
+
+/// A clock whose deadline comes when the workers are done, and whose periods can be made to overrun.
+#[derive(Clone)]
+struct Lockstep(Arc<LockstepState>);
+
+struct LockstepState {
+    now_ns: AtomicU64,
+    schedule: Schedule,
+    board: Arc<Board>,
+    ready: Ready,
+    /// Tick, and by how much its deadline is overslept.
+    overrun: Option<(u64, u64)>,
+}
+
+impl Clock for Lockstep {
+    fn now_ns(&self) -> u64 {
+        self.0.now_ns.load(Ordering::Acquire)
+    }
+
+    fn sleep_until(&self, wake_ns: u64) {
+        let mut wake_ns = wake_ns;
+        if let Released::Tick(tick) = self.0.board.released(None)
+            && wake_ns == self.0.schedule.deadline_ns(tick)
+        {
+            while !(self.0.ready)(&self.0.board, tick) {
+                std::thread::sleep(std::time::Duration::from_micros(50));
+            }
+            if let Some((_, late_ns)) = self.0.overrun.filter(|(at, _)| *at == tick) {
+                wake_ns += late_ns;
+            }
+        }
+        self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel);
+    }
+}
+
+/// What a reader saw of a run.
+#[derive(Debug, Default, PartialEq)]
+struct Seen {
+    states: Vec<(StateHeader, Vec<RobotState>)>,
+    commands: Vec<(CommandHeader, Vec<RobotCommand>)>,
+}
+
+struct Rig {
+    config: Config,
+    ticks: u64,
+    overrun: Option<(u64, u64)>,
+    ready: Ready,
+}
+
+impl Rig {
+    fn new(world: &World, scenario: Scenario, workers: usize, ticks: u64) -> Self {
+        let mut config = config(world, scenario, T);
+        config.timing.workers = Some(workers);
+        let ready = Box::new(|board: &Board, tick| board.staging.complete(tick));
+        Self { config, ticks, overrun: None, ready }
+    }
+
+    /// Runs with one thread a worker and the loop in this one.
+    fn run<D: Decider>(self, make: impl Fn(Range<usize>) -> D + Send + Sync) -> (Seen, Arc<Board>) {
+        let Self { config, ticks, overrun, ready } = self;
+        let robots = config.scenario.robots.len();
+        let workers = config.timing.workers.unwrap_or(1);
+        let board = Arc::new(Board::new(config.scenario.robots.iter().map(|r| r.id.0).collect()));
+        let transport = Transport::new(&config.fleet, &config.channel).unwrap();
+        let node = transport.attach("test").unwrap();
+        let (states, commands) = (node.writer(robots).unwrap(), node.writer(robots).unwrap());
+        let schedule = Schedule::new(START, T, T / 10);
+        let common = Common {
+            config: Arc::new(config.clone()),
+            transport: transport.clone(),
+            board: Arc::clone(&board),
+            epoch: 7,
+        };
+        let state = LockstepState {
+            now_ns: AtomicU64::new(START - T),
+            schedule,
+            board: Arc::clone(&board),
+            ready,
+            overrun,
+        };
+        let clock = Lockstep(Arc::new(state));
+        let (watching, watched) = std::sync::mpsc::channel();
+        std::thread::scope(|scope| {
+            let mut handles = Vec::new();
+            for w in 0..workers {
+                let (transport, board, make) = (transport.clone(), Arc::clone(&board), &make);
+                let (ready, readiness) = std::sync::mpsc::channel();
+                let owned = w * robots / workers..(w + 1) * robots / workers;
+                let thread = scope.spawn(move || {
+                    let mut worker = Worker {
+                        robots,
+                        epoch: 7,
+                        states: transport.attach("worker").unwrap().reader().unwrap(),
+                        board,
+                        records: Arc::new(Pool::new(4, || {
+                            SolveRecord::with_robots(owned.start, owned.len())
+                        })),
+                        owned: owned.clone(),
+                    };
+                    ready.send(()).unwrap();
+                    worker.run(make(owned.clone()), || Some(make(owned.clone())));
+                });
+                readiness.recv().unwrap();
+                handles.push(thread.thread().clone());
+            }
+            let watcher = {
+                let (board, transport) = (Arc::clone(&board), transport.clone());
+                scope.spawn(move || watch(&transport.attach("watcher").unwrap(), &board, &watching))
+            };
+            watched.recv().unwrap();
+            let mut control_loop = ControlLoop {
+                clock,
+                schedule,
+                epoch: 7,
+                tick_end: ticks,
+                tolerance_m: config.scenario.tolerance_m,
+                limits: config.scenario.limits,
+                states,
+                commands,
+                source: Box::new(Plant::new(&config.scenario, T, START)),
+                board: Arc::clone(&board),
+                workers: handles,
+                records: Arc::new(Pool::new(2, || PeriodRecord::with_robots(robots))),
+                memory: LoopMemory::new(common.first_states()),
+            };
+            assert_eq!(control_loop.run(), StopReason::Finished);
+            (watcher.join().unwrap(), Arc::clone(&board))
+        })
+    }
+}
+
+fn watch(node: &Attachment, board: &Board, watching: &std::sync::mpsc::Sender<()>) -> Seen {
+    let (mut states, mut commands): (StateReader, CommandReader) =
+        (node.reader().unwrap(), node.reader().unwrap());
+    watching.send(()).unwrap();
+    let mut seen = Seen::default();
+    let mut over = false;
+    while !over {
+        over = board.released(None) == Released::Over;
+        while let Some(sample) = states.next().unwrap() {
+            seen.states.push((*sample.header(), sample.robots().to_vec()));
+        }
+        while let Some(sample) = commands.next().unwrap() {
+            seen.commands.push((*sample.header(), sample.robots().to_vec()));
+        }
+        std::thread::yield_now();
+    }
+    seen
+}
+
+fn swap8() -> Scenario {
+    Scenario::builtin("swap8").unwrap()
+}
+
+fn group(config: &Config) -> impl Fn(Range<usize>) -> RobotGroup + Send + Sync + use<> {
+    let config = config.clone();
+    move |owned| RobotGroup::new(&config, owned).unwrap()
+}
+
+/// The order of logical execution time, to the bit.
+#[test]
+fn what_is_published_is_what_happens() {
+    let world = World::new("let");
+    let rig = Rig::new(&world, swap8(), 2, 25);
+    let make = group(&rig.config);
+    let (seen, _) = rig.run(make);
+    let ticks: Vec<u64> = seen.states.iter().map(|(header, _)| header.tick).collect();
+    assert_eq!(ticks, (0..25).collect::<Vec<_>>());
+    for (k, (header, robots)) in seen.states.iter().enumerate() {
+        let (command_header, commands) = &seen.commands[k];
+        assert_eq!((command_header.tick, command_header.epoch), (header.tick, header.epoch));
+        assert_eq!(command_header.valid_from_ns, header.release_ns);
+        assert_eq!(command_header.valid_until_ns, header.release_ns + T);
+        for (robot, command) in robots.iter().zip(commands) {
+            // The command that acts over the period is the one that its state carries.
+            assert_eq!((robot.id, robot.command()), (command.id, command.command()));
+        }
+        if let Some((_, next)) = seen.states.get(k + 1) {
+            // It leads from this state to the next, and answers the one before.
+            for (robot, next) in robots.iter().zip(next) {
+                assert_eq!(robot.arc().pose(T as f64 * 1e-9), next.pose());
+            }
+            assert_eq!(seen.commands[k + 1].0.state_stamp_ns, header.stamp_ns);
+        }
+    }
+    let reasons = |k: usize| seen.commands[k].1.iter().map(|c| c.stop_reason).collect::<Vec<_>>();
+    assert_eq!(reasons(0), [StopReason::Start as u32; 8]);
+    assert_eq!(reasons(12), [0; 8]);
+    assert_eq!(reasons(26), [StopReason::Finished as u32; 8]);
+    assert_eq!(seen.commands.len(), 27);
+}
+
+/// However the robots are shared out, and with no daemon at all: the same bits.
+#[test]
+fn the_number_of_workers_changes_nothing() {
+    let world = World::new("workers");
+    let mut runs = Vec::new();
+    for workers in [1, 3, 8] {
+        let rig = Rig::new(&world, swap8(), workers, 40);
+        let make = group(&rig.config);
+        runs.push(rig.run(make).0.states);
+    }
+    assert_eq!(runs[0].len(), 40);
+    assert_eq!(runs[0], runs[1]);
+    assert_eq!(runs[0], runs[2]);
+
+    let mut config = Config::new(swap8());
+    config.timing.ticks = Some(40);
+    let mut tick = 0;
+    crate::evaluation::run(&config, Timing::LogicalExecutionTime, |_, fleet| {
+        let Some((_, robots)) = runs[0].get(tick) else { return };
+        for (robot, evaluated) in robots.iter().zip(fleet) {
+            assert_eq!(
+                (robot.pose(), robot.command()),
+                (evaluated.pose(), evaluated.command()),
+                "tick {tick}"
+            );
+        }
+        tick += 1;
+    })
+    .unwrap();
+    assert!(tick > 20);
+}
+
+/// The deadline of period 3 is overslept by `tenths` tenths of a period: the ticks of the states, the
+/// ticks of the commands, and whether anybody moved without a valid command.
+fn overrun(tenths: u64) -> (Vec<u64>, Vec<u64>) {
+    let world = World::new("overrun");
+    let mut rig = Rig::new(&world, lanes(2, 50.0), 1, 3 + tenths / 10 + 5);
+    // From the deadline to the end of the period it is a tenth of a period.
+    rig.overrun = Some((3, T / 10 * (tenths + 1)));
+    let make = straight(T);
+    let (seen, _) = rig.run(move |owned| make(owned).unwrap());
+    for pair in seen.states.windows(2) {
+        let [(a, before), (b, after)] = pair else { unreachable!() };
+        let driven_m = after[0].x_m - before[0].x_m;
+        assert_eq!(driven_m, before[0].arc().position(T as f64 * 1e-9).x - before[0].x_m);
+        // Whatever was ready too late is not used: the period after the overrun is a standstill.
+        if a.tick == 3 {
+            assert_eq!((before[0].v_mps > 0.0, after[0].v_mps), (true, 0.0));
+        }
+        assert!(b.stamp_ns >= b.release_ns && b.release_ns == START + b.tick * T);
+    }
+    let states = seen.states.iter().map(|(header, _)| header.tick);
+    let commands = seen.commands.iter().map(|(header, _)| header.tick);
+    (states.collect(), commands.collect())
+}
+
+#[test]
+fn overruns_skip_whole_periods_and_discard_late_commands() {
+    // The last command is the stop at the end; 4 is never published, because it was late.
+    assert_eq!(overrun(5), (vec![0, 1, 2, 3, 4, 5, 6, 7], vec![0, 1, 2, 3, 5, 6, 7, 8, 9]));
+    assert_eq!(overrun(15), (vec![0, 1, 2, 3, 5, 6, 7, 8], vec![0, 1, 2, 3, 6, 7, 8, 9, 10]));
+    assert_eq!(overrun(32), (vec![0, 1, 2, 3, 7, 8, 9, 10], vec![0, 1, 2, 3, 8, 9, 10, 11, 12]));
+    assert_eq!(overrun(200), (vec![0, 1, 2, 3, 24, 25, 26, 27], vec![0, 1, 2, 3, 25, 26, 27, 28, 29]));
+}
+
+/// Does what [`support::Straight`] does, but for one period, in which it fails in its own way.
+struct Faulty {
+    inner: support::Straight,
+    periods: u64,
+    fault: Fault,
+}
+
+impl Decider for Faulty {
+    fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
+        (self.fault)(self.periods, &self.inner.owned);
+        self.periods += 1;
+        self.inner.decide(fleet, each);
+    }
+}
+
+fn reasons_of(seen: &Seen, robot: usize) -> Vec<u32> {
+    seen.commands.iter().map(|(_, commands)| commands[robot].stop_reason).collect()
+}
+
+#[test]
+fn a_worker_that_panics_stops_its_robots_for_one_period_and_is_built_anew() {
+    let world = World::new("panic");
+    let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 8);
+    rig.ready = Box::new(|board, tick| {
+        board.staging.complete(tick) || (tick == 3 && board.worker_panics.load(Ordering::Relaxed) == 1)
+    });
+    let once = Arc::new(AtomicBool::new(true));
+    let fault: Fault = Arc::new(move |period, owned| {
+        if period == 3 && owned.start == 0 && once.swap(false, Ordering::Relaxed) {
+            std::panic::resume_unwind(Box::new("a fault, injected"));
+        }
+    });
+    let make = straight(T);
+    let (seen, board) =
+        rig.run(move |owned| Faulty { inner: make(owned).unwrap(), periods: 0, fault: Arc::clone(&fault) });
+    let (start, end, missed) =
+        (StopReason::Start as u32, StopReason::Finished as u32, StopReason::Deadline as u32);
+    assert_eq!(reasons_of(&seen, 0), [start, 0, 0, 0, missed, 0, 0, 0, 0, end]);
+    assert_eq!(reasons_of(&seen, 1), [start, 0, 0, 0, 0, 0, 0, 0, 0, end]);
+    assert_eq!(board.worker_panics.load(Ordering::Relaxed), 1);
+    assert_eq!(board.workers_lost.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn a_worker_that_panics_for_ever_is_given_up() {
+    let world = World::new("crashes");
+    let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 10);
+    rig.ready = Box::new(|board, tick| {
+        let panics = board.worker_panics.load(Ordering::Relaxed);
+        let other = board.staging.take(1, tick).is_some();
+        other && (panics > tick || panics == 4)
+    });
+    let fault: Fault = Arc::new(|_, owned| {
+        if owned.start == 0 {
+            std::panic::resume_unwind(Box::new("a fault, injected"));
+        }
+    });
+    let make = straight(T);
+    let (seen, board) =
+        rig.run(move |owned| Faulty { inner: make(owned).unwrap(), periods: 0, fault: Arc::clone(&fault) });
+    assert_eq!(reasons_of(&seen, 0)[1..11], [StopReason::Deadline as u32; 10]);
+    assert_eq!(reasons_of(&seen, 1)[1..11], [0; 10]);
+    assert_eq!(board.worker_panics.load(Ordering::Relaxed), 4);
+    assert_eq!(board.workers_lost.load(Ordering::Relaxed), 1);
+}
+
+#[test]
+fn a_worker_that_hangs_stops_its_robots_and_its_late_answer_is_not_used() {
+    let world = World::new("hangs");
+    let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 8);
+    let release = Arc::new(Mutex::new(0_u64));
+    let hold = Arc::clone(&release);
+    // The hanging worker may go on once period 5 has been answered without it.
+    rig.ready = Box::new(move |board, tick| {
+        let other = board.staging.take(1, tick).is_some();
+        if tick >= 6 {
+            *release.lock().unwrap() = 6;
+        }
+        other && ((3..=5).contains(&tick) || board.staging.complete(tick))
+    });
+    let fault: Fault = Arc::new(move |period, owned| {
+        while period == 3 && owned.start == 0 && *hold.lock().unwrap() < 6 {
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
+    });
+    let make = straight(T);
+    let (seen, _) =
+        rig.run(move |owned| Faulty { inner: make(owned).unwrap(), periods: 0, fault: Arc::clone(&fault) });
+    let (start, end, missed) =
+        (StopReason::Start as u32, StopReason::Finished as u32, StopReason::Deadline as u32);
+    assert_eq!(reasons_of(&seen, 0), [start, 0, 0, 0, missed, missed, missed, 0, 0, end]);
+    assert_eq!(reasons_of(&seen, 1), [start, 0, 0, 0, 0, 0, 0, 0, 0, end]);
+}
+
+#[test]
+fn a_command_beyond_the_limits_never_goes_out() {
+    struct Reckless(Range<usize>);
+    impl Decider for Reckless {
+        fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
+            for index in self.0.clone() {
+                let v_mps = if index == 0 { 5.1 } else { f64::NAN };
+                let command = RobotCommand { id: fleet[index].id, stop_reason: 0, v_mps, omega_radps: 0.0 };
+                each(
+                    index,
+                    &Decision {
+                        command,
+                        intent: crate::wire::RobotIntent::default(),
+                        telemetry: crate::wire::RobotTelemetry::default(),
+                    },
+                );
+            }
+        }
+    }
+    let world = World::new("reckless");
+    let (seen, _) = Rig::new(&world, lanes(2, 50.0), 1, 4).run(Reckless);
+    for (_, commands) in &seen.commands[1..5] {
+        assert!(commands.iter().all(|c| c.stop_reason == StopReason::Unverified as u32));
+        assert!(commands.iter().all(|c| (c.v_mps, c.omega_radps) == (0.0, 0.0)));
+    }
+}

@@ -1,0 +1,185 @@
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::thread::Thread;
+use std::time::Duration;
+
+use super::Until;
+use super::board::Board;
+use super::control_loop::{ControlLoop, LoopMemory};
+use super::decider::Decider;
+use super::error::DaemonError;
+use super::worker::Worker;
+use crate::channel::Transport;
+use crate::clock::{Clock, MonotonicClock};
+use crate::config::{Config, SourceKind};
+use crate::plant::Plant;
+use crate::realtime::{Role, ThreadGrant, enter};
+use crate::schedule::Schedule;
+use crate::source::{Observed, StateSource};
+use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
+use crate::wire::{RobotState, StopReason};
+
+/// Periods between the go and period 0, so that every thread is asleep when it starts.
+const LEAD_PERIODS: u64 = 2;
+/// At least this long, ns.
+const LEAD_NS_MIN: u64 = 20_000_000;
+
+/// How a thread tells that it is ready, or why it is not.
+pub(super) type Ready = SyncSender<Result<ThreadGrant, DaemonError>>;
+
+/// What every thread is given.
+#[derive(Clone)]
+pub(super) struct Common {
+    pub(super) config: Arc<Config>,
+    pub(super) transport: Transport,
+    pub(super) board: Arc<Board>,
+    pub(super) epoch: u64,
+}
+
+impl Common {
+    fn robots(&self) -> usize {
+        self.config.scenario.robots.len()
+    }
+
+    /// The first period that does not run any more.
+    fn tick_end(&self, until: Until) -> u64 {
+        let timing = &self.config.timing;
+        let time_up = match until {
+            Until::Stopped => u64::MAX,
+            // Saturates; a duration that long ends never.
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "checked to be positive"
+            )]
+            Until::Arrived => (self.config.scenario.duration_s / timing.period_s()).ceil() as u64,
+        };
+        timing.ticks.unwrap_or(time_up)
+    }
+
+    /// States before the first period: at the starts, at rest, not valid.
+    pub(super) fn first_states(&self) -> Vec<RobotState> {
+        let state = |robot: &crate::model::RobotSpec| {
+            let mut state = RobotState {
+                id: robot.id.0,
+                goal_x_m: robot.goal_m.x,
+                goal_y_m: robot.goal_m.y,
+                radius_m: robot.radius_m,
+                ..RobotState::default()
+            };
+            state.set_pose(robot.start);
+            state
+        };
+        self.config.scenario.robots.iter().map(state).collect()
+    }
+}
+
+/// The loop thread: makes its ports, says so, waits for the go with the workers' handles, runs.
+pub(super) fn loop_thread(
+    common: &Common,
+    until: Until,
+    cpu: Option<usize>,
+    records: Arc<Pool<PeriodRecord>>,
+    ready: &Ready,
+    go: &Receiver<Vec<Thread>>,
+) -> Option<StopReason> {
+    let config = &common.config;
+    let prepared = (|| {
+        let node = common.transport.attach("clearwayd")?;
+        // The state channel's only writer is the fleet's owner.
+        let states = node.writer(common.robots())?;
+        let commands = node.writer(common.robots())?;
+        let observations = match config.source.kind {
+            SourceKind::Plant => None,
+            SourceKind::Observation => Some(node.reader_or_create(common.robots())?),
+        };
+        Ok::<_, DaemonError>((states, commands, observations))
+    })();
+    let (states, commands, observations) = match prepared {
+        Ok(ports) => ports,
+        Err(e) => {
+            let _ = ready.send(Err(e));
+            return None;
+        }
+    };
+    let _ = ready.send(Ok(enter(Role::Loop, &config.realtime, cpu)));
+    // Nobody sends when the start is called off.
+    let workers = go.recv().ok()?;
+
+    let clock = MonotonicClock;
+    let period_ns = config.timing.period_ns;
+    let start_ns = clock.now_ns() + (LEAD_PERIODS * period_ns).max(LEAD_NS_MIN);
+    let scenario = &config.scenario;
+    let source: Box<dyn StateSource> = match observations {
+        None => Box::new(Plant::new(scenario, period_ns, start_ns)),
+        Some(reader) => Box::new(Observed::new(reader, scenario, &config.source, period_ns)),
+    };
+    // The workers' memory is mapped now and not in period 0.
+    let _ = (states.connect(), commands.connect());
+    let mut control_loop = ControlLoop {
+        clock,
+        schedule: Schedule::new(start_ns, period_ns, config.timing.margin_ns()),
+        epoch: common.epoch,
+        tick_end: common.tick_end(until),
+        tolerance_m: scenario.tolerance_m,
+        limits: scenario.limits,
+        states,
+        commands,
+        source,
+        board: Arc::clone(&common.board),
+        workers,
+        records,
+        memory: LoopMemory::new(common.first_states()),
+    };
+    Some(control_loop.run())
+}
+
+/// A worker thread: makes its reader and its controller, says so, works until the end.
+pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
+    common: &Common,
+    index: usize,
+    owned: std::ops::Range<usize>,
+    cpu: Option<usize>,
+    records: Arc<Pool<SolveRecord>>,
+    make: &(impl Fn(std::ops::Range<usize>) -> Result<D, E> + ?Sized),
+    ready: &Ready,
+) {
+    let prepared = (|| {
+        let node = common.transport.attach(&format!("clearwayd-worker{index}"))?;
+        let states = node.reader()?;
+        let decider = make(owned.clone()).map_err(|e| DaemonError::Controller {
+            worker: Role::Worker(index).to_string(),
+            reason: e.to_string(),
+        })?;
+        Ok::<_, DaemonError>((states, decider))
+    })();
+    let (states, decider) = match prepared {
+        Ok(prepared) => prepared,
+        Err(e) => {
+            let _ = ready.send(Err(e));
+            return;
+        }
+    };
+    let _ = ready.send(Ok(enter(Role::Worker(index), &common.config.realtime, cpu)));
+    let mut worker = Worker {
+        owned: owned.clone(),
+        robots: common.robots(),
+        epoch: common.epoch,
+        states,
+        board: Arc::clone(&common.board),
+        records,
+    };
+    worker.run(decider, || make(owned.clone()).ok());
+}
+
+/// Records that telemetry keeps: what is configured, and at least half a second's worth.
+pub(super) fn record_capacity(config: &Config) -> usize {
+    let half_second = 500_000_000 / config.timing.period_ns.max(1);
+    config.telemetry.queue_periods.max(usize::try_from(half_second).unwrap_or(usize::MAX))
+}
+
+/// How long housekeeping sleeps between two looks at the records.
+pub(super) fn poll_interval(config: &Config) -> Duration {
+    Duration::from_nanos(config.timing.period_ns / 2)
+        .clamp(Duration::from_millis(1), Duration::from_millis(20))
+}

@@ -1,0 +1,99 @@
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use super::board::{Board, Released};
+use super::decider::Decider;
+use crate::channel::StateReader;
+use crate::clock::{Clock, MonotonicClock};
+use crate::telemetry::{Pool, SolveRecord};
+use crate::wire::{RobotState, RobotTelemetry};
+
+/// Panics after which a worker stays down: what fails so often is not an accident.
+const RESTARTS_MAX: u64 = 3;
+
+/// One worker: the robots of `owned`, which nobody else touches.
+pub(super) struct Worker {
+    pub(super) owned: Range<usize>,
+    pub(super) robots: usize,
+    pub(super) epoch: u64,
+    pub(super) states: StateReader,
+    pub(super) board: Arc<Board>,
+    pub(super) records: Arc<Pool<SolveRecord>>,
+}
+
+impl Worker {
+    /// Works until the run is over. `make` builds the controller, again after a panic.
+    ///
+    /// Sleeps on a futex between periods: no lock, no allocation, and a spurious wake-up only looks
+    /// at the board again.
+    pub(super) fn run<D: Decider>(&mut self, first: D, make: impl Fn() -> Option<D>) {
+        let mut decider = Some(first);
+        let mut known = None;
+        let mut panics = 0;
+        loop {
+            match self.board.released(known) {
+                Released::Over => return,
+                Released::Nothing => std::thread::park(),
+                Released::Tick(tick) => {
+                    known = Some(tick);
+                    let Some(current) = &mut decider else { continue };
+                    // The decider is thrown away after a panic, so nobody sees it half changed.
+                    if catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_err() {
+                        panics += 1;
+                        self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
+                        decider = if panics <= RESTARTS_MAX { make() } else { None };
+                        if decider.is_none() {
+                            self.board.workers_lost.fetch_add(1, Ordering::Relaxed);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// One period: from the state in shared memory to the staged commands.
+    fn period<D: Decider>(&mut self, tick: u64, decider: &mut D) {
+        // Without the state of this very period there is nothing to stage, and the robots stop.
+        let Ok(Some(sample)) = self.states.newest() else { return };
+        let header = *sample.header();
+        if header.epoch != self.epoch || header.tick != tick || sample.robots().len() != self.robots {
+            return;
+        }
+        let since_state = || MonotonicClock.now_ns().saturating_sub(header.stamp_ns);
+        let state_to_worker_ns = since_state();
+        let recorded = self.records.write(|record| {
+            record.tick = tick;
+            record.state_to_worker_ns = state_to_worker_ns;
+            let first = record.first;
+            let robots = &mut record.robots;
+            decide(&self.board, &self.owned, tick, decider, sample.robots(), |index, telemetry| {
+                if let Some(slot) = robots.get_mut(index - first) {
+                    *slot = *telemetry;
+                }
+            });
+            record.state_to_staged_ns = since_state();
+        });
+        if !recorded {
+            decide(&self.board, &self.owned, tick, decider, sample.robots(), |_, _| {});
+        }
+    }
+}
+
+fn decide<D: Decider>(
+    board: &Board,
+    owned: &Range<usize>,
+    tick: u64,
+    decider: &mut D,
+    fleet: &[RobotState],
+    mut tell: impl FnMut(usize, &RobotTelemetry),
+) {
+    decider.decide(fleet, &mut |index, decision| {
+        // A slot has one writer: another worker's robot is none of ours.
+        if owned.contains(&index) {
+            board.staging.put(index, tick, &decision.command, &decision.intent);
+            tell(index, &decision.telemetry);
+        }
+    });
+}

@@ -1,0 +1,234 @@
+//! Where the fleet's states come from: the plant inside the daemon, or the `observation` channel.
+//!
+//! Reads the period's start and the commands that are in force, writes the poses at `t_k` and their
+//! validity. Both sources answer for exactly `t_k`: an observation made a little earlier or later is
+//! carried along the arcs of the commands that were in force between. World frame, metres, radians,
+//! `CLOCK_MONOTONIC` ns. Neither allocates after it is made.
+
+use crate::admission::{Admission, Rejections};
+use crate::channel::ObservationReader;
+use crate::config::SourceConfig;
+use crate::geometry::{Arc, Pose};
+use crate::model::Command;
+use crate::plant::Plant;
+use crate::scenario::Scenario;
+use crate::wire::{CommandHeader, RobotCommand, RobotState, state_flags};
+
+/// Periods of past commands that an observation can be carried over.
+const HISTORY: usize = 8;
+/// Observation samples looked at in one period for each robot; the rest waits, and is then stale.
+const SAMPLES_PER_ROBOT: usize = 16;
+
+/// The instant whose state is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Instant {
+    /// Which run of the daemon.
+    pub epoch: u64,
+    /// `t_k`, ns.
+    pub release_ns: u64,
+    /// Now: `t_k` and what the wake-up was late, ns.
+    pub now_ns: u64,
+}
+
+/// A source of states.
+pub trait StateSource {
+    /// Writes the poses of all robots at `t_k`, in the scenario's order, and sets or clears
+    /// [`state_flags::VALID`]; leaves everything else.
+    fn observe(&mut self, instant: Instant, states: &mut [RobotState]);
+
+    /// Learns which commands were published at `now_ns`.
+    fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64);
+
+    /// What was refused so far.
+    fn rejections(&self) -> Rejections;
+}
+
+fn set_pose(state: &mut RobotState, pose: Pose, valid: bool) {
+    state.set_pose(pose);
+    state.flags = if valid { state.flags | state_flags::VALID } else { state.flags & !state_flags::VALID };
+}
+
+impl StateSource for Plant {
+    fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
+        self.advance(instant.release_ns);
+        for (state, pose) in states.iter_mut().zip(self.poses()) {
+            set_pose(state, pose, true);
+        }
+    }
+
+    fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64) {
+        for (index, command) in commands.iter().enumerate() {
+            // A refusal is the gate's own affair: that robot stands still.
+            let _ = self.command(index, header, command, now_ns);
+        }
+    }
+
+    fn rejections(&self) -> Rejections {
+        Rejections::default()
+    }
+}
+
+/// States from other processes.
+#[derive(Debug)]
+pub struct Observed {
+    reader: ObservationReader,
+    admission: Admission,
+    held: Held,
+    samples_max: usize,
+}
+
+impl Observed {
+    /// States of the scenario's robots from `reader`.
+    pub fn new(
+        reader: ObservationReader,
+        scenario: &Scenario,
+        config: &SourceConfig,
+        period_ns: u64,
+    ) -> Self {
+        Self {
+            reader,
+            admission: Admission::new(scenario, config, period_ns),
+            held: Held::new(scenario.robots.len()),
+            samples_max: SAMPLES_PER_ROBOT * scenario.robots.len(),
+        }
+    }
+}
+
+impl StateSource for Observed {
+    fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
+        for _ in 0..self.samples_max {
+            // A writer that cannot be mapped is one that is not heard: its robots become stale.
+            let Ok(Some(sample)) = self.reader.next() else { break };
+            self.admission.sample(
+                sample.writer(),
+                sample.header(),
+                sample.robots(),
+                instant.epoch,
+                instant.now_ns,
+            );
+        }
+        for (index, state) in states.iter_mut().enumerate() {
+            match self.admission.pose(index, instant.now_ns) {
+                Some((pose, stamp_ns)) => {
+                    set_pose(state, self.held.carry(index, pose, stamp_ns, instant.release_ns), true);
+                }
+                None => {
+                    if let Some(pose) = self.admission.last_pose(index) {
+                        set_pose(state, pose, false);
+                    }
+                }
+            }
+        }
+    }
+
+    fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], _now_ns: u64) {
+        self.held.remember(header, commands);
+    }
+
+    fn rejections(&self) -> Rejections {
+        *self.admission.rejections()
+    }
+}
+
+/// The commands of the last periods.
+#[derive(Debug)]
+struct Held {
+    periods: Vec<(u64, u64, Vec<Command>)>,
+    newest: usize,
+}
+
+impl Held {
+    fn new(robots: usize) -> Self {
+        Self { periods: vec![(0, 0, vec![Command::STOP; robots]); HISTORY], newest: 0 }
+    }
+
+    fn remember(&mut self, header: &CommandHeader, commands: &[RobotCommand]) {
+        // What acts from now on ends what was to act then.
+        for (_, until_ns, _) in &mut self.periods {
+            *until_ns = (*until_ns).min(header.valid_from_ns);
+        }
+        self.newest = (self.newest + 1) % HISTORY;
+        let (from_ns, until_ns, held) = &mut self.periods[self.newest];
+        (*from_ns, *until_ns) = (header.valid_from_ns, header.valid_until_ns);
+        for (held, command) in held.iter_mut().zip(commands) {
+            *held = command.command();
+        }
+    }
+
+    /// Where robot `index`, seen at `pose` at `stamp_ns`, is at `at_ns`, which may also lie before.
+    fn carry(&self, index: usize, pose: Pose, stamp_ns: u64, at_ns: u64) -> Pose {
+        let (start_ns, end_ns) = (stamp_ns.min(at_ns), stamp_ns.max(at_ns));
+        let backwards = at_ns < stamp_ns;
+        let mut pose = pose;
+        // Oldest first, or newest first when going back in time.
+        for step in 0..HISTORY {
+            let slot = if backwards { HISTORY - step } else { step + 1 };
+            let (from_ns, until_ns, held) = &self.periods[(self.newest + slot) % HISTORY];
+            let overlap_ns = end_ns.min(*until_ns).saturating_sub(start_ns.max(*from_ns));
+            let Some(command) = held.get(index).filter(|_| overlap_ns > 0) else { continue };
+            let s = overlap_ns as f64 * 1e-9;
+            let arc = Arc { start: pose, v_mps: command.v_mps, omega_radps: command.omega_radps };
+            pose = arc.pose(if backwards { -s } else { s });
+        }
+        pose
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::RobotId;
+
+    const T: u64 = 100;
+
+    fn held() -> Held {
+        let mut held = Held::new(1);
+        for tick in 1..5_u64 {
+            let header = CommandHeader {
+                tick,
+                valid_from_ns: tick * T,
+                valid_until_ns: (tick + 1) * T,
+                ..CommandHeader::default()
+            };
+            // 10⁷ m/s for 100 ns is a metre.
+            let command = Command { v_mps: 1e7 * tick as f64, omega_radps: 0.0 };
+            held.remember(&header, &[RobotCommand::verified(RobotId(0), command)]);
+        }
+        held
+    }
+
+    #[test]
+    fn an_observation_is_carried_along_the_commands_in_force() {
+        let held = held();
+        let x = |stamp, at| held.carry(0, Pose::new(10.0, 0.0, 0.0), stamp, at).position_m.x;
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} is not {b}");
+        close(x(300, 300), 10.0);
+        close(x(250, 300), 11.0);
+        close(x(150, 350), 10.0 + 0.5 + 2.0 + 1.5);
+        close(x(350, 300), 10.0 - 1.5);
+        close(x(350, 150), 10.0 - 1.5 - 2.0 - 0.5);
+        // Before the first and after the last command the robot stands.
+        close(x(0, 200), 11.0);
+        close(x(450, 10_000), 12.0);
+    }
+
+    #[test]
+    fn forwards_and_backwards_cancel_on_arcs() {
+        let mut held = Held::new(1);
+        for tick in 0..3_u64 {
+            let header = CommandHeader {
+                tick,
+                valid_from_ns: tick * 80_000_000,
+                valid_until_ns: (tick + 1) * 80_000_000,
+                ..CommandHeader::default()
+            };
+            let command = Command { v_mps: 2.0, omega_radps: 0.3 * tick as f64 };
+            held.remember(&header, &[RobotCommand::verified(RobotId(0), command)]);
+        }
+        let pose = Pose::new(1.0, 2.0, 0.5);
+        let there = held.carry(0, pose, 10_000_000, 200_000_000);
+        let back = held.carry(0, there, 200_000_000, 10_000_000);
+        assert!((back.position_m - pose.position_m).norm() < 1e-12);
+        assert!((back.theta_rad - pose.theta_rad).abs() < 1e-12);
+    }
+}
