@@ -14,6 +14,7 @@ use proptest::prelude::*;
 
 const T: f64 = 0.08;
 const RHO: f64 = 0.45;
+// ρ² = 0.2025 m², which the printed margin of 0.66 m² and more exceeds threefold.
 const PRINTED: FiniteTime = FiniteTime { c3: 0.5, alpha: 0.6 };
 
 fn solve(programme: &Programme) -> Solution {
@@ -77,7 +78,7 @@ proptest! {
         let drift = Vec2::new(bearing.cos(), bearing.sin()) * v_i - Vec2::new(heading.cos(), heading.sin()) * v_j;
         let change = 2.0 * T * offset.dot(&drift) + T * T * drift.norm_squared();
         let margin = T * T * printed::phi(d, &Limits::default());
-        prop_assert!(margin > 0.66 && margin > RHO * RHO);
+        prop_assert!(margin > 0.66, "{margin}");
         prop_assert!(change >= -printed::GAMMA_PER_S * T * b - margin);
     }
 

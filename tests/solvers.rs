@@ -184,6 +184,31 @@ fn solvers_agree_when_the_data_are_scaled() {
     }
 }
 
+/// A robot in a crowd may have next to no speed left, by a row or by the guidance's cap.
+#[test]
+fn solvers_agree_on_robots_that_can_hardly_move() {
+    let with = |speed: f64, capped: bool| {
+        let mut p = Programme::with_capacity(Weights::default(), CAPACITY);
+        p.position = Certificate { linear: -0.4, curvature: 0.0064, decrease: 1.92 };
+        p.heading = Certificate { linear: -1.3e-9, curvature: 0.0064, decrease: 1e-16 };
+        p.v_mps = Interval { min: 0.0, max: if capped { speed } else { 2.0 } };
+        p.omega_radps = Interval { min: -1.0, max: 1.0 };
+        let row = |gap: f64| Row { coefficient: 0.078, bound: gap };
+        for bound in [if capped { 0.01 } else { 0.078 * speed }, 0.2] {
+            assert!(p.push_safety(row(bound)) && p.push_comfort(row(0.9 * bound)));
+        }
+        p
+    };
+    let programmes: Vec<Programme> = (0..72)
+        .flat_map(|k| [true, false].map(|capped| with(10f64.powf(-0.25 * f64::from(k)), capped)))
+        .collect();
+    let mut next = programmes.iter();
+    let (raw, polished) = compare(programmes.len(), 0, |_| next.next().unwrap().clone());
+    assert_eq!(raw.not_solved, 0, "{raw:?}");
+    assert!(raw.objective_rel < 1e-6 && polished.objective_rel < 1e-6, "{raw:?} {polished:?}");
+    assert!(polished.input < 1e-6, "{polished:?}");
+}
+
 /// Minutes long: `cargo test --release --test solvers -- --ignored`.
 #[test]
 #[ignore = "a million interior point solves take minutes"]

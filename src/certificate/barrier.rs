@@ -41,7 +41,7 @@ pub fn approach_linear(normal: f64, tangent: f64, turn_rate_radps: f64, period_s
 /// `phi_rad` is the angle from n to the heading. The largest approach of a unit-speed arc is at
 /// s = 0, at s = T, or where the heading is square to n.
 pub fn approach_exact(phi_rad: f64, omega_radps: f64, period_s: f64) -> Approach {
-    let at = |s: f64| -chord_factor(omega_radps, s) * (phi_rad + 0.5 * omega_radps * s).cos();
+    let at = |s: f64| -chord_factor(omega_radps, s) * libm::cos(phi_rad + 0.5 * omega_radps * s);
     let end = at(period_s);
     let mut approach = Approach { forward: end.max(0.0), backward: (-end).max(0.0) };
     if omega_radps != 0.0 {

@@ -12,12 +12,12 @@ pub struct FiniteTime {
 impl FiniteTime {
     /// Q(V). Zero at V = 0 and never above V.
     pub fn decrease(&self, v: f64) -> f64 {
-        v.min(self.c3 * v.powf(self.alpha))
+        v.min(self.c3 * libm::pow(v, self.alpha))
     }
 
     /// r⋆ = c₃^{1/(1−α)}: from here one step is to reach zero (Theorem 2).
     pub fn capture_radius(&self) -> f64 {
-        self.c3.powf(1.0 / (1.0 - self.alpha))
+        libm::pow(self.c3, 1.0 / (1.0 - self.alpha))
     }
 
     /// The closed-form bound (14) on the settling step of z ← z − Q(z) from `v0`; `None` where its
@@ -27,8 +27,8 @@ impl FiniteTime {
         if v0 <= capture {
             return Some(1);
         }
-        let ratio = 1.0 - self.c3 * v0.powf(self.alpha - 1.0);
-        let steps = ((v0 / capture).ln() / -ratio.ln()).ceil() + 1.0;
+        let ratio = 1.0 - self.c3 * libm::pow(v0, self.alpha - 1.0);
+        let steps = (libm::log(v0 / capture) / -libm::log(ratio)).ceil() + 1.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked on this line
         (steps.is_finite() && steps < 1e18).then_some(steps as u64)
     }
@@ -79,11 +79,11 @@ impl Decrease {
 
     /// Q_θ for the heading error `e_rad` when one step turns at most `reach_rad`.
     pub fn heading(&self, e_rad: f64, reach_rad: f64) -> f64 {
-        let v = 1.0 - e_rad.cos();
+        let v = 1.0 - libm::cos(e_rad);
         match *self {
             Self::FiniteTime { law, alignment } => {
                 let rest = (e_rad.abs() - reach_rad * alignment).max(0.0);
-                law.decrease(v).min(v - (1.0 - rest.cos()))
+                law.decrease(v).min(v - (1.0 - libm::cos(rest)))
             }
             Self::Printed(law) => law.decrease(v),
             Self::Exponential { c3 } => c3 * v,
@@ -148,7 +148,7 @@ impl HeadingCertificate {
     /// a Taylor value, not a bound.
     pub fn printed(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
         let bound = Self::new(e_rad, period_s, turn_rate_radps, decrease);
-        Self { curvature: period_s * period_s * e_rad.cos().max(0.0), ..bound }
+        Self { curvature: period_s * period_s * libm::cos(e_rad).max(0.0), ..bound }
     }
 
     /// The certificate at the heading error `e_rad` in (−π, π].
@@ -158,10 +158,10 @@ impl HeadingCertificate {
     /// beyond a right angle, and a Taylor value rather than a bound before it.
     pub fn new(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
         let reach_rad = turn_rate_radps * period_s;
-        let h = (e_rad.abs() - reach_rad).max(0.0).cos().max(0.0);
+        let h = libm::cos((e_rad.abs() - reach_rad).max(0.0)).max(0.0);
         Self {
-            lyapunov: 1.0 - e_rad.cos(),
-            linear: period_s * e_rad.sin(),
+            lyapunov: 1.0 - libm::cos(e_rad),
+            linear: period_s * libm::sin(e_rad),
             curvature: period_s * period_s * h,
             decrease: decrease.heading(e_rad, reach_rad),
         }

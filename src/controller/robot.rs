@@ -4,7 +4,7 @@ use super::check::against_bodies;
 use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
-use crate::geometry::{Vec2, wrap};
+use crate::geometry::{Vec2, bearing, wrap};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
 };
@@ -83,7 +83,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
     } else {
         let to = goal_m - position_m;
         let intent = Intent {
-            heading_rad: libm::atan2(to.y, to.x),
+            heading_rad: bearing(to),
             speed_mps: law.limits.v_max_mps,
             blocked_s: 0.0,
             target_m: goal_m,
@@ -169,17 +169,17 @@ impl RobotController {
     ) -> Result<Command, StopReason> {
         let own = &fleet[self.index];
         let near =
-            work.near.gather(fleet, self.index, law.guidance.range_m.max(law.sight_m(fleet, self.index)));
+            work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(fleet, self.index)));
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
         let aim = self.aim(law, fleet, near);
-        self.note(law, &aim, telemetry);
+        Self::note(law, &aim, telemetry);
 
         let programme = &mut work.programme;
         programme.clear_rows();
         programme.omega_radps = Interval { min: law.limits.omega_min_radps, max: law.limits.omega_max_radps };
         let cap = if aim.holding { 0.0 } else { aim.guidance.speed_cap_mps.clamp(0.0, law.limits.v_max_mps) };
         programme.v_mps = Interval { min: law.limits.v_min_mps.max(-cap), max: cap };
-        (programme.position, programme.heading) = self.certificates(law, own, &aim, telemetry);
+        (programme.position, programme.heading) = Self::certificates(law, own, &aim, telemetry);
 
         if law.control.profile == Profile::Paper {
             let limit = printed::speed_limit(law, fleet, self.index, near, optimal_speed(programme));
@@ -291,7 +291,6 @@ impl RobotController {
 
     /// The certificates (28) and (31) for the aim.
     fn certificates(
-        &self,
         law: &Law,
         own: &RobotState,
         aim: &Aim,
@@ -307,7 +306,7 @@ impl RobotController {
         let distance_m = offset.norm();
         let along_m = offset.dot(&own.pose().heading());
         let p = PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &decrease);
-        let error_rad = wrap(own.theta_rad - offset.y.atan2(offset.x));
+        let error_rad = wrap(own.theta_rad - bearing(offset));
         let turn_rate = law.limits.turn_rate_radps();
         let heading = match law.control.profile {
             Profile::Paper => HeadingCertificate::printed,
@@ -324,7 +323,7 @@ impl RobotController {
         )
     }
 
-    fn note(&self, law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
+    fn note(law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
         let g = &aim.guidance;
         telemetry.reference_rotation_rad = g.beta_rad;
         telemetry.speed_cap_mps = g.speed_cap_mps.min(law.limits.v_max_mps);

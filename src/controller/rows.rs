@@ -3,7 +3,7 @@
 use super::Law;
 use crate::certificate::barrier::{Approach, activation_m, approach_exact, approach_linear, budget_m};
 use crate::config::BarrierForm;
-use crate::geometry::{Vec2, wrap};
+use crate::geometry::{Vec2, bearing, unit, wrap};
 use crate::neighbours::Nearby;
 use crate::programme::{Programme, Row};
 use crate::wire::{RobotState, state_flags};
@@ -85,8 +85,7 @@ pub(super) fn bodies<'a>(
 pub(super) fn approach(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
     match law.control.barrier {
         BarrierForm::Linear if !body.anywhere => {
-            let (sin, cos) = theta_rad.sin_cos();
-            let (n, h) = (body.normal, Vec2::new(cos, sin));
+            let (n, h) = (body.normal, unit(theta_rad));
             approach_linear(n.dot(&h), n.perp(&h), law.limits.turn_rate_radps(), law.period_s)
         }
         _ => approach_at(theta_rad, omega_radps, body, law.period_s),
@@ -98,8 +97,7 @@ pub(super) fn approach_at(theta_rad: f64, omega_radps: f64, body: &Body, period_
     if body.anywhere {
         return Approach { forward: period_s, backward: period_s };
     }
-    let bearing = body.normal.y.atan2(body.normal.x);
-    approach_exact(wrap(theta_rad - bearing), omega_radps, period_s)
+    approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, period_s)
 }
 
 /// Fills the safety and comfort rows; false when there is no room for all of them.

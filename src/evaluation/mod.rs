@@ -5,9 +5,10 @@
 //! alone.
 
 use crate::config::Config;
-use crate::controller::{ControllerError, RobotGroup, Timing};
+use crate::controller::{ControllerError, Decision, RobotGroup, Timing};
 use crate::figures::{Accumulator, ControlFigures, LatencyHistogram, LatencyNs};
 use crate::model::Command;
+use crate::programme::Programme;
 use crate::wire::{RobotState, state_flags};
 use serde::Serialize;
 
@@ -75,7 +76,21 @@ pub fn initial_fleet(config: &Config) -> Vec<RobotState> {
 pub fn run(
     config: &Config,
     timing: Timing,
+    each: impl FnMut(u64, &[RobotState]),
+) -> Result<Evaluation, EvaluationError> {
+    run_watched(config, timing, each, |_, _| {})
+}
+
+/// [`run`] that also shows every decision with the programme behind it; the programme is stale where
+/// the telemetry's status is `NotSolved`.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_watched(
+    config: &Config,
+    timing: Timing,
     mut each: impl FnMut(u64, &[RobotState]),
+    mut watch: impl FnMut(&Decision, &Programme),
 ) -> Result<Evaluation, EvaluationError> {
     let period_s = config.timing.period_s();
     let mut fleet = initial_fleet(config);
@@ -89,7 +104,8 @@ pub fn run(
 
     for tick in 0..limit {
         next.copy_from_slice(&fleet);
-        group.solve(&fleet, timing, |index, decision| {
+        group.solve_watched(&fleet, timing, |index, decision, programme| {
+            watch(decision, programme);
             next[index].set_command(decision.command.command());
             next[index].intent = decision.intent;
             figures.observe_solve(&decision.telemetry);

@@ -10,7 +10,7 @@ mod latency;
 
 pub use latency::{LatencyHistogram, LatencyNs};
 
-use crate::geometry::{Pose, Vec2, min_distance_arcs, wrap};
+use crate::geometry::{Pose, Vec2, bearing, min_distance_arcs, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{RobotState, RobotTelemetry, SolveStatus};
@@ -51,6 +51,8 @@ pub struct ControlFigures {
     /// Mean over the robots that had to move and arrived of arrival time / (straight-line distance /
     /// v_max); null if there is none.
     pub arrival_ratio: Option<f64>,
+    /// The same with the time for the first turn on the spot towards the goal taken off.
+    pub arrival_ratio_after_turn: Option<f64>,
     /// The same mean of the length driven / straight-line distance.
     pub path_ratio: Option<f64>,
     /// Mean over the robots of ∫|dω|, rad/s (the variation of the turn rate).
@@ -63,6 +65,8 @@ pub struct ControlFigures {
 #[derive(Debug, Clone, Copy)]
 struct Track {
     start_m: Vec2,
+    /// Time for turning on the spot from the first heading towards the first goal, s.
+    first_turn_s: f64,
     goal_m: Vec2,
     radius_m: f64,
     /// Time of the last entry into the tolerance, s; `None` outside.
@@ -73,6 +77,14 @@ struct Track {
     /// Where and when it last made progress.
     progress: (Pose, f64),
     stalled: bool,
+}
+
+/// Nobody who starts with another heading can do without this turn, s.
+fn first_turn_s(spec: &RobotSpec, limits: &Limits) -> f64 {
+    let way = spec.goal_m - spec.start.position_m;
+    let error_rad = wrap(bearing(way) - spec.start.theta_rad);
+    let rate = if error_rad >= 0.0 { limits.omega_max_radps } else { -limits.omega_min_radps };
+    if way.norm() > 0.0 && rate > 0.0 { error_rad.abs() / rate } else { 0.0 }
 }
 
 impl Track {
@@ -111,6 +123,7 @@ impl Accumulator {
         let n = scenario.robots.len();
         let track = |spec: &RobotSpec| Track {
             start_m: spec.start.position_m,
+            first_turn_s: first_turn_s(spec, &scenario.limits),
             goal_m: spec.goal_m,
             radius_m: spec.radius_m,
             arrived_s: None,
@@ -243,6 +256,9 @@ impl Accumulator {
             makespan_s: all.then(|| arrivals().map(|(_, s)| s).fold(0.0, f64::max)),
             mean_arrival_s: mean(&mut arrivals().map(|(_, s)| s)),
             arrival_ratio: mean(&mut moved().map(|(t, s)| s * v_max / straight(t))),
+            arrival_ratio_after_turn: mean(
+                &mut moved().map(|(t, s)| (s - t.first_turn_s).max(0.0) * v_max / straight(t)),
+            ),
             path_ratio: mean(&mut moved().map(|(t, _)| t.driven_m / straight(t))),
             omega_variation_rad: mean(&mut self.tracks.iter().map(|t| t.omega_variation)).unwrap_or(0.0),
             slack_active_fraction: if self.solved == 0 {

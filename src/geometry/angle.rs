@@ -1,3 +1,4 @@
+use super::Vec2;
 use std::f64::consts::{PI, TAU};
 
 /// The representative of `angle_rad` in (−π, π], the interval of the paper's `wrap`.
@@ -10,6 +11,22 @@ pub fn wrap(angle_rad: f64) -> f64 {
     }
     let r = angle_rad.rem_euclid(TAU);
     if r > PI { r - TAU } else { r }
+}
+
+/// Unit vector (cos, sin) of an angle.
+pub fn unit(angle_rad: f64) -> Vec2 {
+    let (sin, cos) = libm::sincos(angle_rad);
+    Vec2::new(cos, sin)
+}
+
+/// Angle of a vector from the x axis, rad, in [−π, π]; 0 for the zero vector.
+pub fn bearing(v: Vec2) -> f64 {
+    libm::atan2(v.y, v.x)
+}
+
+/// `v` turned counter-clockwise by the angle with this cosine and sine.
+pub fn rotate(v: Vec2, cos: f64, sin: f64) -> Vec2 {
+    Vec2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-use super::{Vec2, wrap};
+use super::{Vec2, unit, wrap};
 
 /// Position and heading of a robot in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -17,8 +17,7 @@ impl Pose {
 
     /// Unit vector along the heading: h = (cos θ, sin θ).
     pub fn heading(&self) -> Vec2 {
-        let (sin, cos) = self.theta_rad.sin_cos();
-        Vec2::new(cos, sin)
+        unit(self.theta_rad)
     }
 
     /// True when all three coordinates are finite.
@@ -30,7 +29,7 @@ impl Pose {
 /// sin(x)/x, with its limit 1 at 0.
 pub fn sinc(x: f64) -> f64 {
     // Below 1e-4 the third term of the series is under the last bit.
-    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x }
+    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
 }
 
 /// s · sinc(ω s / 2): length of the chord that a unit-speed arc covers in `s` seconds.
@@ -56,14 +55,12 @@ impl Arc {
     /// Position at `s` seconds, m.
     pub fn position(&self, s: f64) -> Vec2 {
         let half = 0.5 * self.omega_radps * s;
-        let (sin, cos) = (self.start.theta_rad + half).sin_cos();
-        self.start.position_m + Vec2::new(cos, sin) * (self.v_mps * s * sinc(half))
+        self.start.position_m + unit(self.start.theta_rad + half) * (self.v_mps * s * sinc(half))
     }
 
     /// Velocity at `s` seconds, m/s.
     pub fn velocity(&self, s: f64) -> Vec2 {
-        let (sin, cos) = (self.start.theta_rad + self.omega_radps * s).sin_cos();
-        Vec2::new(cos, sin) * self.v_mps
+        unit(self.start.theta_rad + self.omega_radps * s) * self.v_mps
     }
 
     /// Pose at `s` seconds.

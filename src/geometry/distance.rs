@@ -5,7 +5,7 @@
 //! upper bound up to that amount, and halving the intervals that can still hold the minimum closes
 //! the gap to `RESOLUTION_M`. Nothing is sampled: the returned interval contains the true value.
 
-use super::{Arc, Vec2, closest_point_on_segment, segment_distance};
+use super::{Arc, Vec2, closest_point_on_segment, segment_distance, unit};
 
 /// Width to which the bounds are refined, m.
 const RESOLUTION_M: f64 = 1e-12;
@@ -36,8 +36,8 @@ pub fn min_distance_arcs(a: &Arc, b: &Arc, horizon_s: f64) -> Bound {
         }
         // Centripetal accelerations v ω h⊥, at the middle, plus how far they can change from there.
         let normal = |arc: &Arc| {
-            let (sin, cos) = (arc.start.theta_rad + arc.omega_radps * mid).sin_cos();
-            Vec2::new(-sin, cos)
+            let h = unit(arc.start.theta_rad + arc.omega_radps * mid);
+            Vec2::new(-h.y, h.x)
         };
         (normal(a) * acceleration.0 - normal(b) * acceleration.1).norm() + 0.5 * h * jerk
     };

@@ -1,14 +1,15 @@
 //! Planar geometry of a unicycle under a zero-order hold: angles, exact arcs and the exact
 //! distance between things that move on them.
 //!
-//! World frame, metres, radians, counter-clockwise positive. Nothing here allocates.
+//! World frame, metres, radians, counter-clockwise positive. Trigonometry comes from `libm` here and in
+//! all that follows, so that results are the same to the bit on every platform. Nothing here allocates.
 
 mod angle;
 mod arc;
 mod distance;
 mod shape;
 
-pub use angle::wrap;
+pub use angle::{bearing, rotate, unit, wrap};
 pub use arc::{Arc, Pose, chord_factor, sinc};
 pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_distance_arcs};
 pub use shape::{closest_point_on_segment, segment_distance};

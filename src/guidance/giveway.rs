@@ -5,56 +5,57 @@
 //! Ranks are ids, so that a finite group always has one robot nobody asks to move. Bounded: 16 directions x 3 lengths.
 
 use super::params::Params;
-use super::types::*;
-use nalgebra::Vector2;
+use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Way};
+use crate::geometry::{Vec2, closest_point_on_segment, unit, wrap};
 
 const DIRECTIONS: u32 = 16;
 const LENGTHS_M: [f64; 3] = [0.5, 1.0, 1.8];
+/// The other is gone when this far beyond the required distance.
+const GONE_M: f64 = 2.0;
+/// The spot is reached.
+const REACHED_M: f64 = 0.05;
+/// Share of the full speed used.
+const SPEED_SHARE: f64 = 0.4;
+/// Nearer than this is contact.
+const CONTACT_M: f64 = 0.03;
 /// How much of the other's path must become free.
 const PATH_M: f64 = 2.5;
 
 /// Starts, continues or ends giving way; the spot to go to while it lasts.
-pub fn spot(
+pub(super) fn spot(
     ego: &Ego,
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
     limits: &Limits,
     params: &Params,
     memory: &mut Memory,
-) -> Option<Vector2<f64>> {
-    if memory.give_way_s > 0.0 {
-        memory.give_way_s -= limits.period_s;
-        // Over as soon as the other is gone.
-        let gone = !neighbours.iter().take(NEIGHBOURS_MAX).any(|n| {
-            n.intent.rank == memory.rank
-                && !n.arrived
-                && (n.position_m - ego.position_m).norm() < n.required_distance_m + 2.0
-        });
-        if memory.give_way_s > 0.0 && !gone {
-            return Some(memory.spot_m);
+) -> Option<Vec2> {
+    let way = &mut memory.way;
+    if way.left_s > 0.0 {
+        way.left_s -= limits.period_s;
+        let needed = neighbours
+            .iter()
+            .any(|n| n.intent.rank == way.rank && !n.arrived && n.seen_from(ego.position_m).gap_m < GONE_M);
+        if way.left_s > 0.0 && needed {
+            return Some(way.spot_m);
         }
-        memory.give_way_s = 0.0;
-        memory.rank = ego.id;
-        memory.rest_s = params.give_way_rest_s;
+        *way = Way { left_s: 0.0, rest_s: params.give_way_rest_s, rank: ego.id, ..*way };
         return None;
     }
-    memory.rank = ego.id;
-    memory.rest_s = (memory.rest_s - limits.period_s).max(0.0);
-    if memory.rest_s > 0.0 {
+    way.rank = ego.id;
+    way.rest_s = (way.rest_s - limits.period_s).max(0.0);
+    if way.rest_s > 0.0 {
         return None;
     }
+    let wait = if ego.arrived { params.parked_wait_s } else { params.give_way_after_s };
     let mut chosen: Option<&Neighbour> = None;
-    for n in neighbours.iter().take(NEIGHBOURS_MAX) {
-        let wait = if ego.arrived { params.parked_wait_s } else { params.give_way_after_s };
+    for n in neighbours {
+        // A parked robot makes way for everybody, the others for higher ranks.
         if n.arrived || n.intent.blocked_s < wait || (n.intent.rank >= ego.id && !ego.arrived) {
             continue;
         }
-        let offset = ego.position_m - n.position_m;
-        let d = offset.norm();
-        if d > n.required_distance_m + params.give_way_reach_m {
-            continue;
-        }
-        if offset.dot(&way(n)) < 0.0 {
+        let seen = n.seen_from(ego.position_m);
+        if seen.gap_m > params.give_way_reach_m || seen.normal.dot(&ahead(n)) < 0.0 {
             continue;
         }
         if chosen.is_none_or(|c| n.intent.rank < c.intent.rank) {
@@ -62,17 +63,25 @@ pub fn spot(
         }
     }
     let other = chosen?;
-    let spot = best_spot(ego, other, neighbours, obstacles, limits)?;
-    memory.spot_m = spot;
-    memory.give_way_s = params.give_way_s;
-    memory.rank = other.intent.rank;
-    Some(spot)
+    let spot_m = best_spot(ego, other, neighbours, obstacles, limits)?;
+    *way = Way { left_s: params.give_way_s, rest_s: 0.0, rank: other.intent.rank, spot_m };
+    Some(spot_m)
+}
+
+/// Straight to the spot, slowly, once it is ahead.
+pub(super) fn drive(ego: &Ego, spot_m: Vec2, limits: &Limits) -> Drive {
+    let to = spot_m - ego.position_m;
+    let left = to.norm();
+    let heading_rad = if left > REACHED_M { libm::atan2(to.y, to.x) } else { ego.heading_rad };
+    let e = wrap(heading_rad - ego.heading_rad).abs();
+    let v = (left / limits.period_s).min(SPEED_SHARE * limits.v_max_mps) * (1.0 - 2.0 * e).max(0.0);
+    Drive { heading_rad, speed_cap_mps: v, intent_speed_mps: v }
 }
 
 /// Where the other means to go: its spot while it gives way itself, otherwise its target.
-fn way(n: &Neighbour) -> Vector2<f64> {
+fn ahead(n: &Neighbour) -> Vec2 {
     let to = n.target_m - n.position_m;
-    if n.intent.rank != n.id { unit(n.intent.heading_rad) } else { to.try_normalize(1e-9).unwrap_or(to) }
+    if n.intent.rank == n.id { to.try_normalize(1e-9).unwrap_or(to) } else { unit(n.intent.heading_rad) }
 }
 
 fn best_spot(
@@ -81,29 +90,33 @@ fn best_spot(
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
     limits: &Limits,
-) -> Option<Vector2<f64>> {
-    let path = way(other) * PATH_M;
+) -> Option<Vec2> {
+    let path = ahead(other) * PATH_M;
     let mut best = None;
     let mut best_score = f64::NEG_INFINITY;
     for k in 0..DIRECTIONS {
         let angle = f64::from(k) * core::f64::consts::TAU / f64::from(DIRECTIONS);
         let direction = unit(angle);
+        if !leaves_contacts(ego, direction, neighbours, obstacles) {
+            continue;
+        }
         for length in LENGTHS_M {
             let end = ego.position_m + direction * length;
             let mut room = f64::INFINITY;
             for part in [0.2, 0.5, 1.0] {
                 let p = ego.position_m + direction * (length * part);
-                for o in obstacles.iter().take(OBSTACLES_MAX) {
+                for o in obstacles {
                     room = room.min(o.clearance(p).1);
                 }
-                for n in neighbours.iter().take(NEIGHBOURS_MAX) {
+                for n in neighbours {
                     room = room.min((n.position_m - p).norm() - n.required_distance_m);
                 }
             }
             if room < -0.005 {
                 continue;
             }
-            let aside = (nearest_on_segment(other.position_m, other.position_m + path, end) - end).norm()
+            let aside = (closest_point_on_segment(end, other.position_m, other.position_m + path) - end)
+                .norm()
                 - other.required_distance_m;
             let turn = wrap(angle - ego.heading_rad).abs() / limits.omega_max_radps;
             let score = 3.0 * aside.min(0.4) + 0.5 * room.min(0.3) - 0.15 * turn - 0.1 * length;
@@ -114,4 +127,16 @@ fn best_spot(
         }
     }
     best
+}
+
+/// Whether this direction moves away from everything the robot touches.
+fn leaves_contacts(ego: &Ego, direction: Vec2, neighbours: &[Neighbour], obstacles: &[ObstacleView]) -> bool {
+    let free = |normal: Vec2, gap: f64| gap > CONTACT_M || direction.dot(&normal) > 0.02;
+    obstacles.iter().all(|o| {
+        let (normal, gap) = o.clearance(ego.position_m);
+        free(normal, gap)
+    }) && neighbours.iter().all(|n| {
+        let seen = n.seen_from(ego.position_m);
+        free(seen.normal, seen.gap_m)
+    })
 }

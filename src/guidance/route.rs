@@ -2,8 +2,8 @@
 //!
 //! Built when the goal or the obstacles change (allocates). Per tick `target` looks at every node once (no allocation).
 
-use super::types::*;
-use nalgebra::Vector2;
+use super::types::ObstacleView;
+use crate::geometry::{Vec2, closest_point_on_segment, segment_distance, unit};
 use std::f64::consts::PI;
 
 /// Corners of the polygon put around a circle or the end of a segment.
@@ -16,7 +16,7 @@ const ROBOT_ROOM_M: f64 = 0.005;
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    position_m: Vector2<f64>,
+    position_m: Vec2,
     /// Route length from here to the goal; infinite when there is none.
     to_goal_m: f64,
 }
@@ -24,22 +24,24 @@ struct Node {
 /// Shortest ways to one goal for one robot radius.
 #[derive(Clone, Debug)]
 pub struct Route {
-    goal_m: Vector2<f64>,
+    goal_m: Vec2,
     nodes: Vec<Node>,
 }
 
 impl Route {
     /// The way straight to the goal, whatever stands in between. Does not allocate.
-    pub fn direct(goal_m: Vector2<f64>) -> Self {
+    pub fn direct(goal_m: Vec2) -> Self {
         Self { goal_m, nodes: Vec::new() }
     }
 
-    pub fn build(obstacles: &[ObstacleView], goal_m: Vector2<f64>) -> Self {
+    /// The shortest ways to `goal_m` around `obstacles`. Allocates; Dijkstra over a visibility graph with
+    /// eight corners for each disc and each end of a wall.
+    pub fn build(obstacles: &[ObstacleView], goal_m: Vec2) -> Self {
         let mut points = Vec::new();
         for o in obstacles {
             match *o {
                 ObstacleView::Circle { centre_m, radius_m, keep_m } => {
-                    corners(centre_m, radius_m + keep_m, &mut points)
+                    corners(centre_m, radius_m + keep_m, &mut points);
                 }
                 ObstacleView::Segment { from_m, to_m, keep_m } => {
                     corners(from_m, keep_m, &mut points);
@@ -78,7 +80,7 @@ impl Route {
     }
 
     /// Where to steer from `p`, and the route length left beyond that point.
-    pub fn target(&self, p: Vector2<f64>, obstacles: &[ObstacleView]) -> (Vector2<f64>, f64) {
+    pub fn target(&self, p: Vec2, obstacles: &[ObstacleView]) -> (Vec2, f64) {
         if self.nodes.is_empty() || sees(p, self.goal_m, ROBOT_ROOM_M, obstacles) {
             return (self.goal_m, 0.0);
         }
@@ -96,11 +98,22 @@ impl Route {
             best = (n.position_m, n.to_goal_m);
             best_length = leg + n.to_goal_m;
         }
+        if best_length.is_finite() {
+            return best;
+        }
+        // Pushed out of sight of everything: the nearest way counts, sliding along the obstacle leads there.
+        for n in &self.nodes {
+            let length = (n.position_m - p).norm() + n.to_goal_m;
+            if length < best_length {
+                best = (n.position_m, n.to_goal_m);
+                best_length = length;
+            }
+        }
         best
     }
 }
 
-fn corners(centre: Vector2<f64>, keep: f64, out: &mut Vec<Vector2<f64>>) {
+fn corners(centre: Vec2, keep: f64, out: &mut Vec<Vec2>) {
     let radius = (keep + NODE_ROOM_M) / libm::cos(PI / f64::from(CORNERS));
     for k in 0..CORNERS {
         out.push(centre + unit(2.0 * PI * (f64::from(k) + 0.5) / f64::from(CORNERS)) * radius);
@@ -108,27 +121,17 @@ fn corners(centre: Vector2<f64>, keep: f64, out: &mut Vec<Vector2<f64>>) {
 }
 
 /// Whether the straight way keeps clear of every obstacle (never asking more than `p` itself has).
-fn sees(p: Vector2<f64>, q: Vector2<f64>, room_m: f64, obstacles: &[ObstacleView]) -> bool {
+fn sees(p: Vec2, q: Vec2, room_m: f64, obstacles: &[ObstacleView]) -> bool {
     obstacles.iter().all(|o| {
         let have = o.clearance(p).1.min(o.clearance(q).1);
         let room = room_m.min(0.95 * have);
         match *o {
             ObstacleView::Circle { centre_m, radius_m, keep_m } => {
-                (nearest_on_segment(p, q, centre_m) - centre_m).norm() >= radius_m + keep_m + room
+                (closest_point_on_segment(centre_m, p, q) - centre_m).norm() >= radius_m + keep_m + room
             }
             ObstacleView::Segment { from_m, to_m, keep_m } => {
                 segment_distance(p, q, from_m, to_m) >= keep_m + room
             }
         }
     })
-}
-
-fn segment_distance(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> f64 {
-    let (ab, cd) = (b - a, d - c);
-    let crossing = cross(ab, c - a) * cross(ab, d - a) < 0.0 && cross(cd, a - c) * cross(cd, b - c) < 0.0;
-    if crossing {
-        return 0.0;
-    }
-    let ends = |p: Vector2<f64>, q: Vector2<f64>, x: Vector2<f64>| (nearest_on_segment(p, q, x) - x).norm();
-    ends(a, b, c).min(ends(a, b, d)).min(ends(c, d, a)).min(ends(c, d, b))
 }

@@ -1,8 +1,7 @@
 //! What the guidance layer reads and writes. Positions in m, headings in rad, world frame.
 
-use nalgebra::Vector2;
-
-/// Most neighbours considered; further ones are ignored (they are the farthest).
+use crate::geometry::{Vec2, closest_point_on_segment};
+/// Most neighbours considered: the nearest ones, in the order given.
 pub const NEIGHBOURS_MAX: usize = 16;
 /// Most static obstacles considered.
 pub const OBSTACLES_MAX: usize = 8;
@@ -10,147 +9,204 @@ pub const OBSTACLES_MAX: usize = 8;
 /// The robot that decides, from the snapshot of this tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Ego {
+    /// Its id.
     pub id: u32,
-    pub position_m: Vector2<f64>,
+    /// Position, m.
+    pub position_m: Vec2,
+    /// Heading, rad.
     pub heading_rad: f64,
+    /// Radius of the body, m.
     pub radius_m: f64,
-    /// Where to go now: the goal itself, or the waypoint the route gives.
-    pub target_m: Vector2<f64>,
+    /// Where to go now: the goal itself, or the waypoint of `Route::target`.
+    pub target_m: Vec2,
     /// Route length left beyond `target_m`; 0 when the target is the goal.
     pub beyond_m: f64,
+    /// Speed in force, m/s.
     pub v_mps: f64,
+    /// Turn rate in force, rad/s.
     pub omega_radps: f64,
+    /// Inside the tolerance of its goal.
     pub arrived: bool,
 }
 
-/// What a robot publishes besides its state: where it steers, and how fast it means to go.
+/// What a robot publishes besides its state.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Intent {
+    /// Heading it steers to.
     pub heading_rad: f64,
+    /// Mean speed it expects.
     pub speed_mps: f64,
-    /// Seconds without progress, for right of way.
+    /// Its target, turned by the virtual roundabout.
+    pub target_m: Vec2,
+    /// Seconds without progress; `ask::ASKING_S` when it asks parked robots to make way.
     pub blocked_s: f64,
-    /// The target turned by the virtual roundabout.
-    pub target_m: Vector2<f64>,
-    /// Own id, or the rank taken over from the robot this one gives way to.
+    /// Own id, or the rank of the robot it gives way to. Lower goes first.
     pub rank: u32,
 }
 
 /// Another robot, from the same snapshot.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Neighbour {
+    /// Its id.
     pub id: u32,
-    pub position_m: Vector2<f64>,
+    /// Position, m.
+    pub position_m: Vec2,
+    /// Heading, rad.
     pub heading_rad: f64,
+    /// Speed in force, m/s.
     pub v_mps: f64,
+    /// Turn rate in force, rad/s.
     pub omega_radps: f64,
-    /// Its target (goal or waypoint).
-    pub target_m: Vector2<f64>,
-    /// Required centre distance ρ_ij to this robot.
+    /// Its goal, or the waypoint it is heading for.
+    pub target_m: Vec2,
+    /// Required centre distance ρ_ij.
     pub required_distance_m: f64,
+    /// Inside the tolerance of its goal.
     pub arrived: bool,
+    /// What it published last tick.
     pub intent: Intent,
 }
 
-/// A static obstacle near the robot, reduced to its nearest point.
+/// Where a neighbour is, seen from a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bearing {
+    /// Unit vector from the neighbour to the point (n_ij).
+    pub normal: Vec2,
+    /// Distance of the centres, m.
+    pub distance_m: f64,
+    /// Distance beyond the required one.
+    pub gap_m: f64,
+}
+
+impl Neighbour {
+    pub(super) fn seen_from(&self, p: Vec2) -> Bearing {
+        let offset = p - self.position_m;
+        let distance_m = offset.norm().max(1e-6);
+        Bearing { normal: offset / distance_m, distance_m, gap_m: distance_m - self.required_distance_m }
+    }
+}
+
+/// A static obstacle and the distance to keep from it (d_s + radius).
 #[derive(Clone, Copy, Debug)]
 pub enum ObstacleView {
-    Circle { centre_m: Vector2<f64>, radius_m: f64, keep_m: f64 },
-    Segment { from_m: Vector2<f64>, to_m: Vector2<f64>, keep_m: f64 },
+    /// A disc.
+    Circle {
+        /// Centre, m.
+        centre_m: Vec2,
+        /// Radius, m.
+        radius_m: f64,
+        /// Distance to keep from it, m.
+        keep_m: f64,
+    },
+    /// A thin wall.
+    Segment {
+        /// One end, m.
+        from_m: Vec2,
+        /// The other end, m.
+        to_m: Vec2,
+        /// Distance to keep from it, m.
+        keep_m: f64,
+    },
 }
 
 impl ObstacleView {
-    /// Unit vector from the obstacle to `p`, and the distance left beyond the required one.
-    pub fn clearance(&self, p: Vector2<f64>) -> (Vector2<f64>, f64) {
+    /// Unit vector from the nearest point of the obstacle to `p`, and the clearance beyond the required distance.
+    pub fn clearance(&self, p: Vec2) -> (Vec2, f64) {
         let (nearest, keep) = match *self {
             Self::Circle { centre_m, radius_m, keep_m } => (centre_m, radius_m + keep_m),
-            Self::Segment { from_m, to_m, keep_m } => (nearest_on_segment(from_m, to_m, p), keep_m),
+            Self::Segment { from_m, to_m, keep_m } => (closest_point_on_segment(p, from_m, to_m), keep_m),
         };
         let offset = p - nearest;
         let d = offset.norm();
-        if d > 1e-9 { (offset / d, d - keep) } else { (Vector2::new(1.0, 0.0), -keep) }
+        if d > 1e-9 { (offset / d, d - keep) } else { (Vec2::new(1.0, 0.0), -keep) }
     }
-}
-
-/// Point of the segment nearest to `p`.
-pub fn nearest_on_segment(a: Vector2<f64>, b: Vector2<f64>, p: Vector2<f64>) -> Vector2<f64> {
-    let ab = b - a;
-    let l2 = ab.norm_squared();
-    if l2 < 1e-18 {
-        return a;
-    }
-    a + ab * ((p - a).dot(&ab) / l2).clamp(0.0, 1.0)
 }
 
 /// Actuator limits and the period.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
+    /// Largest speed, m/s.
     pub v_max_mps: f64,
+    /// Largest turn rate to either side, rad/s.
     pub omega_max_radps: f64,
+    /// Sampling period T, s.
     pub period_s: f64,
 }
 
-/// What one robot remembers from tick to tick.
+/// What one robot remembers from tick to tick. `Memory::default()` at start and when its goal changes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
+    pub(super) started: bool,
     /// What was published last tick.
-    pub intent: Intent,
-    /// Seconds without progress; decays when the robot moves.
-    pub blocked_s: f64,
-    /// Seconds since the robot last moved, and its net turn since then.
-    pub still_s: f64,
-    pub turned_rad: f64,
-    /// Seconds left under the right-hand rule.
-    pub fallback_s: f64,
-    /// Clockwise rotation the right-hand rule remembers.
-    pub beta_rad: f64,
-    /// Side on which a cluster of parked robots is being passed: 1 left, −1 right, 0 none.
-    pub queued_s: f64,
-    pub side: f64,
-    pub side_free_s: f64,
-    /// Time spent passing it, and time left to go straight at it instead.
-    pub around_s: f64,
-    pub straight_s: f64,
-    pub side_changes: f64,
-    /// Giving way: time left, rest before doing so again, to which rank, and where to.
-    pub give_way_s: f64,
-    pub rest_s: f64,
-    pub rank: u32,
-    pub spot_m: Vector2<f64>,
-    pub started: bool,
+    pub(super) intent: Intent,
+    pub(super) progress: Progress,
+    /// Right-hand rule: motion left until it ends, and the clockwise turn it remembers.
+    pub(super) fallback_s: f64,
+    pub(super) beta_rad: f64,
+    pub(super) around: Around,
+    pub(super) way: Way,
+    /// Time left to go straight and ask parked robots to make way.
+    pub(super) ask_s: f64,
+}
+
+/// Whether the robot gets anywhere.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Progress {
+    /// Seconds without progress; decays while the robot moves.
+    pub(super) blocked_s: f64,
+    /// Seconds since it last moved, and its net turn since then.
+    pub(super) still_s: f64,
+    pub(super) turned_rad: f64,
+    /// Seconds waiting behind others at an opening.
+    pub(super) queued_s: f64,
+}
+
+/// Passing a cluster of parked robots.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Around {
+    /// 1 left, −1 right, 0 none.
+    pub(super) side: f64,
+    /// Seconds since the straight way was last blocked.
+    pub(super) free_s: f64,
+    /// Seconds spent going around.
+    pub(super) spent_s: f64,
+    /// How often the side was changed.
+    pub(super) changes: f64,
+}
+
+/// Giving way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Way {
+    /// Time left aside, and rest before going aside again.
+    pub(super) left_s: f64,
+    pub(super) rest_s: f64,
+    /// Whose way it is; the own id otherwise.
+    pub(super) rank: u32,
+    pub(super) spot_m: Vec2,
+}
+
+/// Heading and speed that one rule decides on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drive {
+    pub(super) heading_rad: f64,
+    pub(super) speed_cap_mps: f64,
+    /// Mean speed to publish.
+    pub(super) intent_speed_mps: f64,
 }
 
 /// What the programme receives.
 #[derive(Clone, Copy, Debug)]
 pub struct Guidance {
-    pub reference_m: Vector2<f64>,
+    /// Reference of the position certificate, m.
+    pub reference_m: Vec2,
+    /// Upper bound on v, m/s.
     pub speed_cap_mps: f64,
     /// Angle from the direction of the target to the reference, counter-clockwise positive.
     pub beta_rad: f64,
+    /// To publish with the next snapshot.
     pub intent: Intent,
+    /// No progress for more than a second.
     pub stalled: bool,
-    /// An arrived robot is asked to leave its goal for a moment.
+    /// An arrived robot leaves its goal for a moment: the programme must not hold it.
     pub leave_goal: bool,
-}
-
-/// Angle in (−π, π].
-pub fn wrap(angle: f64) -> f64 {
-    use core::f64::consts::{PI, TAU};
-    let a = angle - TAU * libm::floor((angle + PI) / TAU);
-    if a <= -PI { a + TAU } else { a }
-}
-
-/// Unit vector of a heading.
-pub fn unit(heading_rad: f64) -> Vector2<f64> {
-    let (s, c) = libm::sincos(heading_rad);
-    Vector2::new(c, s)
-}
-
-/// `v` turned counter-clockwise by the angle with this cosine and sine.
-pub fn rotate(v: Vector2<f64>, cos: f64, sin: f64) -> Vector2<f64> {
-    Vector2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
-}
-
-pub fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    a.x * b.y - a.y * b.x
 }

@@ -103,6 +103,21 @@ impl Programme {
         }
     }
 
+    /// Becomes `other` without allocating; false, and unchanged, when its rows do not fit.
+    pub fn copy_from(&mut self, other: &Self) -> bool {
+        if other.comfort.len().max(other.safety.len()) > self.capacity {
+            return false;
+        }
+        self.weights = other.weights;
+        (self.position, self.heading) = (other.position, other.heading);
+        (self.v_mps, self.omega_radps) = (other.v_mps, other.omega_radps);
+        self.comfort.clear();
+        self.comfort.extend_from_slice(&other.comfort);
+        self.safety.clear();
+        self.safety.extend_from_slice(&other.safety);
+        true
+    }
+
     /// Rows of each kind that fit.
     pub fn capacity(&self) -> usize {
         self.capacity

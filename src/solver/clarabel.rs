@@ -35,7 +35,11 @@ pub struct ClarabelSolver {
 }
 
 /// An input that could move by less than this share of its admissible interval stays at 0.
-const STILL: f64 = 1e-7;
+const STILL: f64 = 1e-6;
+
+/// An input that could move by less than this, m/s or rad/s, stays at 0 too: the speed left to a robot
+/// that touches another.
+const LEAST: f64 = 1e-7;
 
 /// Half-width of the trust interval, as a share of the width that the solve was scaled with.
 const TRUST: f64 = 1e-2;
@@ -54,6 +58,15 @@ impl ClarabelSolver {
         let sizes = SIZES.into_iter().filter(|s| *s < capacity).chain([capacity]);
         let workspaces = sizes.map(Workspace::new).collect::<Result<_, _>>()?;
         Ok(Self { workspaces, polished: Some(Solution::with_capacity(capacity)) })
+    }
+
+    /// Builds one workspace only, for programmes of up to `rows` rows of each kind.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of_one_size(rows: usize) -> Result<Self, SolverError> {
+        let workspaces = vec![Workspace::new(rows)?];
+        Ok(Self { workspaces, polished: Some(Solution::with_capacity(rows)) })
     }
 
     /// Returns Clarabel's numbers as they are, without the closed-form last digits.
@@ -211,7 +224,7 @@ impl Axis {
         let lo = interval.min.max(vertex.min(0.0));
         let hi = interval.max.min(vertex.max(0.0));
         // A way to go that vanishes beside what the input could do is rounding.
-        let still = STILL * (interval.max - interval.min);
+        let still = (STILL * (interval.max - interval.min)).max(LEAST);
         if hi - lo <= still {
             return Self { lo: 0.0f64.clamp(lo, hi.max(lo)), width: 0.0, still };
         }
@@ -373,8 +386,13 @@ impl Workspace {
     /// The slack that no x̂ in [0, 1] can avoid is taken out, so that the scale is that of what the
     /// solver can change.
     fn cone(&mut self, c: Certificate, row: usize, value: usize) -> Slack {
-        let offset = c.excess(0.0).min(c.excess(1.0)).max(0.0);
-        let decrease = c.decrease - offset;
+        let rise = c.linear + 0.5 * c.curvature;
+        // Below its offset the certificate starts at −rise or at 0: their difference would cancel.
+        let (offset, decrease) = match (c.decrease, c.decrease + rise) {
+            (at_0, at_1) if at_0.min(at_1) <= 0.0 => (0.0, at_0),
+            (at_0, at_1) if at_0 <= at_1 => (at_0, 0.0),
+            (_, at_1) => (at_1, -rise),
+        };
         let scale = c.linear.abs().max(0.5 * c.curvature).max(decrease.abs());
         let per = or_one(scale);
         let (linear, decrease) = (c.linear / per, decrease / per);

@@ -1,5 +1,6 @@
 //! `clearway`: the operator's command. Each subcommand has a file of its own.
 
+mod bench;
 mod check;
 mod eval;
 mod scenario;
@@ -21,12 +22,14 @@ const EXAMPLES: &str = "\
 Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
+  clearway bench solve                    how fast are the solvers here?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 
 Exit codes: 0 done, 1 a run did not pass, 2 the command line or a file is wrong.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Bench(bench::Args),
     Check(check::Args),
     Eval(eval::Args),
     Scenario(scenario::Args),
@@ -40,6 +43,7 @@ const NOT_PASSED: u8 = 1;
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
+        Command::Bench(args) => bench::run(&args),
         Command::Check(args) => check::run(&args).map(|()| true).map_err(miette::Report::new),
         Command::Eval(args) => eval::run(&args),
         Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),

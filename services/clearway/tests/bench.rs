@@ -1,0 +1,73 @@
+//! `clearway bench` as a person runs it. Times are measured, not judged.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn clearway(args: &[&str]) -> Output {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    Command::new(env!("CARGO_BIN_EXE_clearway")).args(args).current_dir(root).output().unwrap()
+}
+
+fn json(bytes: &[u8]) -> Value {
+    serde_json::from_slice(bytes).unwrap()
+}
+
+/// Few problems, of a scenario that is over soon.
+const SMALL: [&str; 6] = ["bench", "solve", "--samples", "60", "--scenarios", "random-20-1@0.1"];
+
+#[test]
+fn the_solvers_are_timed_and_agree() {
+    let output = clearway(&[SMALL.as_slice(), &["--neighbours", "0,1,3", "--json", "-"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let report = json(&output.stdout);
+    assert!(report["machine"]["clock_ns"]["p50"].as_f64().is_some());
+    assert!(report["method"]["exact_ns"].as_str().is_some_and(|text| text.contains("clock")));
+    let cases = report["cases"].as_array().unwrap();
+    assert_eq!(cases.iter().map(|c| c["neighbours"].as_u64()).collect::<Vec<_>>(), [0, 1, 3].map(Some));
+    for case in cases {
+        assert!(case["samples"].as_u64().is_some_and(|n| n > 0), "{case}");
+        for times in ["exact_ns", "clarabel_ns", "clarabel_raw_ns", "clarabel_cold_ns"] {
+            let at = |key: &str| case[times][key].as_f64().unwrap();
+            let ordered = [at("p50"), at("p99"), at("p999"), at("max")];
+            assert!(ordered.is_sorted() && at("p50") > 0.0, "{times} {case}");
+        }
+        for gap in ["max_objective_gap_rel", "max_input_gap"] {
+            assert!(case[gap].as_f64().is_some_and(|g| g < 1e-6), "{gap} {case}");
+        }
+        assert_eq!(case["not_solved"], 0, "{case}");
+    }
+}
+
+#[test]
+fn the_problems_can_be_exported() {
+    let path = std::env::temp_dir().join(format!("clearway-problems-{}.json", std::process::id()));
+    let file = path.to_str().unwrap();
+    let output = clearway(&[SMALL.as_slice(), &["--neighbours", "2", "--export", file]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("neighbours"), "a table");
+    let document = json(&std::fs::read(&path).unwrap());
+    std::fs::remove_file(&path).unwrap();
+    assert!(document["weights"]["position"].as_f64().is_some());
+    let problems = document["cases"][0]["problems"].as_array().unwrap();
+    assert!(!problems.is_empty());
+    for problem in problems {
+        assert_eq!(problem["comfort"].as_array().unwrap().len(), 2, "{problem}");
+        assert!(problem["exact"]["objective"].as_f64().is_some(), "{problem}");
+    }
+}
+
+#[test]
+fn wrong_arguments_name_the_remedy() {
+    for (args, words) in [
+        (["--neighbours", "1000"], "more than 128"),
+        (["--scenarios", "swap8@0"], "not a scale"),
+        (["--scenarios", "sawp8"], "did you mean"),
+        (["--samples", "0"], "--samples"),
+    ] {
+        let output = clearway(&[["bench", "solve"].as_slice(), &args].concat());
+        let shown = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{shown}");
+        assert!(shown.contains(words), "{words}: {shown}");
+    }
+}
