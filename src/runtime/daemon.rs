@@ -1,5 +1,5 @@
 use std::ops::Range;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -10,6 +10,7 @@ use super::decider::Decider;
 use super::error::DaemonError;
 use super::housekeeping::{Answers, Findings, Forecast, Housekeeper};
 use super::progress::Progress;
+use super::starting::{EndOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
 use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
 use crate::channel::Transport;
@@ -17,7 +18,7 @@ use crate::clock::{Clock, MonotonicClock};
 use crate::config::Config;
 use crate::controller::RobotGroup;
 use crate::figures::Accumulator;
-use crate::realtime::{Achieved, Placement, ThreadGrant, lock_memory, usable_cpus};
+use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
 use crate::report::{self, Report};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::StopReason;
@@ -283,49 +284,4 @@ impl Drop for Daemon {
             let _ = join_until(thread, end);
         }
     }
-}
-
-/// Waits for a thread until `end`.
-///
-/// # Errors
-/// The thread, when it has not ended by then.
-fn join_until<T>(thread: JoinHandle<T>, end: Instant) -> Result<std::thread::Result<T>, JoinHandle<T>> {
-    while !thread.is_finished() {
-        if Instant::now() >= end {
-            return Err(thread);
-        }
-        // It may be asleep until somebody wakes it.
-        thread.thread().unpark();
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    Ok(thread.join())
-}
-
-/// Ends the run when the loop does, however it does.
-struct EndOnDrop<'a>(&'a Board);
-
-impl Drop for EndOnDrop<'_> {
-    fn drop(&mut self) {
-        self.0.end();
-    }
-}
-
-fn spawn<T: Send + 'static>(
-    name: &str,
-    body: impl FnOnce() -> T + Send + 'static,
-) -> Result<JoinHandle<T>, DaemonError> {
-    std::thread::Builder::new()
-        .name(name.to_owned())
-        .spawn(body)
-        .map_err(|e| DaemonError::Thread { thread: name.to_owned(), reason: e.to_string() })
-}
-
-fn wait(readiness: &Receiver<Result<ThreadGrant, DaemonError>>) -> Result<ThreadGrant, DaemonError> {
-    readiness.recv().unwrap_or(Err(DaemonError::Panicked { thread: "starting" }))
-}
-
-/// Contiguous shares of `robots` for `workers`, as equal as they can be.
-fn shares(robots: usize, workers: usize) -> impl Iterator<Item = Range<usize>> {
-    let workers = workers.max(1);
-    (0..workers).map(move |w| w * robots / workers..(w + 1) * robots / workers)
 }
