@@ -26,6 +26,9 @@ use crate::wire::StopReason;
 /// How long threads may take to come home at the end.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// Readers that a channel has room for besides the workers, at least.
+const READERS_BESIDE_WORKERS: usize = 8;
+
 /// A running daemon. Dropping it ends the run and waits for its threads, but not for ever.
 #[derive(Debug)]
 pub struct Daemon {
@@ -62,8 +65,13 @@ impl Daemon {
     {
         let mut realtime = Achieved::default();
         realtime.add_memory(lock_memory(&config.realtime));
-        let config = Arc::new(config);
+        let mut config = config;
         let robots = config.scenario.robots.len();
+        let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
+        // However many workers there are, others find a place beside them.
+        let readers = &mut config.channel.max_readers;
+        *readers = (*readers).max(placement.worker_cpus.len() + READERS_BESIDE_WORKERS);
+        let config = Arc::new(config);
         let board = Arc::new(Board::new(config.scenario.robots.iter().map(|robot| robot.id.0).collect()));
         let transport = Transport::new(&config.fleet, &config.channel)?;
         transport.check_room(robots)?;
@@ -84,11 +92,17 @@ impl Daemon {
             workers: Vec::new(),
             housekeeping: None,
         };
-        daemon.spawn_all(&common, until, make)?;
+        daemon.spawn_all(&common, until, &placement, make)?;
         Ok(daemon)
     }
 
-    fn spawn_all<D, E, F>(&mut self, common: &Common, until: Until, make: F) -> Result<(), DaemonError>
+    fn spawn_all<D, E, F>(
+        &mut self,
+        common: &Common,
+        until: Until,
+        placement: &Placement,
+        make: F,
+    ) -> Result<(), DaemonError>
     where
         D: Decider,
         E: std::fmt::Display,
@@ -96,7 +110,6 @@ impl Daemon {
     {
         let config = Arc::clone(&self.config);
         let robots = config.scenario.robots.len();
-        let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
         let capacity = record_capacity(&config);
         let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(robots)));
         let (go, going) = sync_channel(1);
