@@ -17,20 +17,12 @@ pub(crate) struct Machine {
     /// Time between two readings of the clock with nothing between them: what every figure that
     /// times a single solve contains.
     pub(crate) clock_ns: Quantiles,
-    /// Smallest time that the clock tells from 0.
-    pub(crate) clock_step_ns: f64,
 }
 
 impl Machine {
     pub(crate) fn here() -> Self {
-        let readings: Vec<f64> = (0..CLOCK_READINGS).map(|_| ns_since(Instant::now())).collect();
-        let step = readings.iter().copied().filter(|ns| *ns > 0.0).fold(f64::INFINITY, f64::min);
-        Self {
-            cpu: cpu(),
-            kernel: kernel(),
-            clock_ns: Quantiles::of(readings),
-            clock_step_ns: if step.is_finite() { step } else { 0.0 },
-        }
+        let readings = (0..CLOCK_READINGS).map(|_| ns_since(Instant::now())).collect();
+        Self { cpu: cpu(), kernel: kernel(), clock_ns: Quantiles::of(readings) }
     }
 }
 
