@@ -47,8 +47,8 @@
 //! | what an observation must be like | [`admission`] |
 //! | where states come from | [`source`] |
 //! | records, queues, histograms | [`telemetry`] |
-//! | the loop, the workers and what keeps house | [`runtime`] |
 //! | what a run is judged by | [`report`] |
+//! | the loop, the workers and what keeps house | [`runtime`] |
 
 // Tests in modules and beside them share their helpers.
 #[cfg(test)]

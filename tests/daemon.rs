@@ -4,7 +4,8 @@ mod support;
 
 use clearway::channel::{ChannelError, CommandReader, StateReader, TelemetryReader, Transport};
 use clearway::runtime::{Daemon, DaemonError, Until};
-use clearway::wire::{StopReason, state_flags};
+use clearway::scenario::Scenario;
+use clearway::wire::{SolveStatus, StopReason, state_flags};
 use support::{World, config, lanes, straight};
 
 const T: u64 = 10_000_000;
@@ -46,6 +47,77 @@ fn a_fleet_arrives_and_every_sample_is_seen() {
     assert!(state_ticks.windows(2).all(|w| w[0] < w[1]) && !state_ticks.is_empty());
     assert!(command_ticks.windows(2).all(|w| w[0] < w[1]) && !command_ticks.is_empty());
     assert!(!periods.is_empty());
+}
+
+#[test]
+fn telemetry_tells_how_every_period_went() {
+    let world = World::new("telemetry");
+    let mut config = config(&world, Scenario::builtin("swap8").unwrap(), 80_000_000);
+    config.timing.ticks = Some(6);
+    let transport = Transport::new(&config.fleet, &config.channel).unwrap();
+    let node = transport.attach("watcher").unwrap();
+    let mut telemetry: TelemetryReader = node.reader_or_create(8).unwrap();
+    let daemon = Daemon::start(config, Until::Stopped).unwrap();
+    let mut ticks = Vec::new();
+    loop {
+        let over = daemon.is_finished();
+        let Some(sample) = telemetry.next().unwrap() else {
+            if over {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+            continue;
+        };
+        let header = *sample.header();
+        ticks.push(header.tick);
+        assert_eq!(sample.robots().iter().map(|r| r.id).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
+        if header.fallback_commands > 0 {
+            continue;
+        }
+        assert!(header.state_to_staged_ns > 0 && header.state_to_command_ns > header.state_to_staged_ns);
+        for robot in sample.robots() {
+            assert_eq!((robot.status, robot.stop_reason), (SolveStatus::Verified as u32, 0));
+            assert!(robot.solve_ns > 0 && robot.step_ns >= robot.solve_ns);
+            // From V of nine metres and a half at full speed: a good twenty steps.
+            assert!((15..40).contains(&robot.settling_steps), "{}", robot.settling_steps);
+            assert!(robot.lyapunov_position_m2 > 10.0 && robot.clearance_m > 0.0);
+        }
+    }
+    assert_eq!(ticks.len() as u64, daemon.join().unwrap().ticks);
+}
+
+/// Readers that do not read, or do not give back, hurt nobody but themselves.
+#[test]
+fn idle_and_hoarding_readers_do_not_hold_the_loop_up() {
+    let world = World::new("hoard");
+    let mut config = config(&world, lanes(2, 50.0), T);
+    config.channel.depth = Some(8);
+    config.timing.ticks = Some(60);
+    let transport = Transport::new(&config.fleet, &config.channel).unwrap();
+    let node = transport.attach("watcher").unwrap();
+    let _idle: StateReader = node.reader_or_create(2).unwrap();
+    let _idle_too: TelemetryReader = node.reader_or_create(2).unwrap();
+    let mut hoarder: StateReader = node.reader_or_create(2).unwrap();
+    let daemon = Daemon::start_with(config, Until::Stopped, straight(T)).unwrap();
+    let mut hoard = Vec::new();
+    let mut refusals = 0;
+    while !daemon.is_finished() {
+        match hoarder.next() {
+            Ok(Some(sample)) => hoard.push(sample),
+            Ok(None) => {}
+            Err(e) => {
+                assert!(e.to_string().contains("held"), "{e}");
+                refusals += 1;
+            }
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    let report = daemon.join().unwrap();
+    assert!(refusals > 0 && hoard.len() < 8);
+    assert!(report.ticks > 0 && report.ticks <= 60);
+    assert_eq!(report.send_failures, 0);
+    // What the hoarder holds is still what it was.
+    assert!(hoard.windows(2).all(|w| w[0].header().tick < w[1].header().tick));
 }
 
 #[test]

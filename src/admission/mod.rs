@@ -24,6 +24,9 @@ use track::{Bounds, Track};
 /// Writers whose sequence is remembered; a new one takes the place of the one silent the longest.
 const WRITERS: usize = 64;
 
+/// Samples in a row that a writer may lose: an hour at 1 kHz, rounded down.
+const GAP_MAX: u64 = 3_000_000;
+
 /// The gate between observations and the fleet's state.
 #[derive(Debug)]
 pub struct Admission {
@@ -109,18 +112,17 @@ impl Admission {
         self.check_sequence(writer, header.sequence, now_ns)
     }
 
-    /// The sequence of a writer only rises. A gap loses samples that a newer one replaces: counted,
-    /// not refused.
+    /// The sequence of a writer only rises, and wraps. A small gap loses samples that a newer one
+    /// replaces: counted, not refused. A large one is a corrupted number: believing it would refuse
+    /// everything that the writer says from then on.
     fn check_sequence(&mut self, writer: u128, sequence: u64, now_ns: u64) -> Result<(), Rejection> {
         if let Some(known) = self.writers.iter_mut().find(|known| known.id == writer) {
-            if sequence == known.sequence {
-                return Err(Rejection::Repeated);
+            match sequence.wrapping_sub(known.sequence) {
+                0 => return Err(Rejection::Repeated),
+                ahead @ 1..=GAP_MAX => self.rejections.skipped_samples += ahead - 1,
+                ahead if ahead > u64::MAX / 2 => return Err(Rejection::Reordered),
+                _ => return Err(Rejection::Gap),
             }
-            if sequence < known.sequence {
-                return Err(Rejection::Reordered);
-            }
-            let skipped = sequence - known.sequence - 1;
-            self.rejections.skipped_samples = self.rejections.skipped_samples.saturating_add(skipped);
             (known.sequence, known.heard_ns) = (sequence, now_ns);
             return Ok(());
         }

@@ -19,6 +19,8 @@ pub enum Rejection {
     Repeated,
     /// A sample older than the writer's last one.
     Reordered,
+    /// A sample so far ahead of the writer's last one that its number cannot be right.
+    Gap,
     /// The writer follows another run of the daemon.
     Epoch,
     /// Older than the largest age.
@@ -32,7 +34,7 @@ pub enum Rejection {
 
 impl Rejection {
     /// Every reason.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::UnknownRobot,
@@ -41,6 +43,7 @@ impl Rejection {
         Self::Oversize,
         Self::Repeated,
         Self::Reordered,
+        Self::Gap,
         Self::Epoch,
         Self::Stale,
         Self::Future,
@@ -58,6 +61,7 @@ impl Rejection {
             Self::Oversize => "oversize",
             Self::Repeated => "repeated",
             Self::Reordered => "reordered",
+            Self::Gap => "gap",
             Self::Epoch => "epoch",
             Self::Stale => "stale",
             Self::Future => "future",

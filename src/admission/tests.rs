@@ -14,6 +14,7 @@ fn admission() -> Admission {
         radius_m: 0.15,
         start: Pose::new(f64::from(id), 0.0, 0.0),
         goal_m: Vec2::new(0.0, 5.0),
+        foreign_speed_mps: None,
     };
     let scenario = Scenario {
         name: "two".into(),
@@ -81,6 +82,7 @@ fn each_bad_header_has_its_reason() {
         (header(2, 3 * T - 1), Rejection::Stale),
         (header(1, 5 * T), Rejection::Repeated),
         (header(0, 5 * T), Rejection::Reordered),
+        (header(1 << 40, 5 * T), Rejection::Gap),
     ];
     for (bad, reason) in cases {
         let mut a = admission();
@@ -104,6 +106,20 @@ fn gaps_are_counted_and_each_writer_has_its_own_sequence() {
     // A writer that has not seen the run yet is heard.
     a.sample(B, &ObservationHeader { epoch: 0, ..header(2, 2 * T) }, &[at(9, 9.0)], EPOCH, 2 * T);
     assert_eq!(a.rejections().total(), 0);
+}
+
+#[test]
+fn a_sequence_wraps_and_a_corrupted_number_locks_nobody_out() {
+    let mut a = admission();
+    for (n, sequence) in [u64::MAX - 1, u64::MAX, 0, 1].into_iter().enumerate() {
+        let now = (n as u64 + 1) * T;
+        a.sample(A, &header(sequence, now), &[at(3, 3.0)], EPOCH, now);
+    }
+    assert_eq!(a.rejections().total(), 0);
+    a.sample(A, &header(1 << 50, 5 * T), &[at(3, 3.0)], EPOCH, 5 * T);
+    a.sample(A, &header(2, 6 * T), &[at(3, 3.0)], EPOCH, 6 * T);
+    assert_eq!((a.rejections().get(Rejection::Gap), a.rejections().total()), (1, 1));
+    assert_eq!(a.pose(0, 6 * T).map(|(_, stamp)| stamp), Some(6 * T));
 }
 
 #[test]

@@ -3,6 +3,9 @@ use std::fmt;
 use miette::Diagnostic;
 use thiserror::Error;
 
+/// Where the kernel keeps shared memory.
+pub(super) const SHARED_MEMORY: &str = "/dev/shm";
+
 /// Who holds a channel that is wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Owner {
@@ -55,6 +58,19 @@ pub enum ChannelError {
         root: String,
         /// What iceoryx2 says.
         reason: String,
+    },
+
+    /// Shared memory is too full for the fleet's channels.
+    #[error("the channels of {robots} robots need {} KiB of shared memory and {SHARED_MEMORY} has {} KiB free",
+        needed_bytes / 1024, free_bytes / 1024)]
+    #[diagnostic(help("make room in {SHARED_MEMORY}, or lower channel.max_readers or channel.depth"))]
+    Full {
+        /// Robots of the fleet.
+        robots: usize,
+        /// What the channels can fill.
+        needed_bytes: u64,
+        /// What there is.
+        free_bytes: u64,
     },
 
     /// Another process writes this fleet's channel.

@@ -6,10 +6,10 @@
 //!
 //! | channel | record | writer | when a reader is slow |
 //! |---|---|---|---|
-//! | `observation` | [`RobotObservation`](crate::wire::RobotObservation) | plants, drivers | oldest overwritten |
-//! | `state` | [`RobotState`](crate::wire::RobotState) | the daemon | oldest overwritten |
-//! | `command` | [`RobotCommand`](crate::wire::RobotCommand) | the daemon | oldest overwritten |
-//! | `telemetry` | [`RobotTelemetry`](crate::wire::RobotTelemetry) | the daemon | newest discarded, counted |
+//! | `observation` | [`RobotObservation`] | plants, drivers | oldest overwritten |
+//! | `state` | [`RobotState`] | the daemon | oldest overwritten |
+//! | `command` | [`RobotCommand`] | the daemon | oldest overwritten |
+//! | `telemetry` | [`RobotTelemetry`] | the daemon | newest discarded, counted |
 //!
 //! No writer ever waits for a reader. Sending and receiving take a few hundred nanoseconds and
 //! neither allocate nor call the kernel; a loan makes one allocation of 48 bytes, so a [`Writer`]

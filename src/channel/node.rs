@@ -8,8 +8,10 @@ use iceoryx2::service::builder::publish_subscribe::{
 };
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service;
 
+use super::error::SHARED_MEMORY;
 use super::{Channel, ChannelError, Owner, Reader, Record, Writer};
 use crate::config::ChannelConfig;
+use crate::wire::{RobotCommand, RobotState, RobotTelemetry};
 
 /// Nodes that a service can have: the daemon's threads and everybody who is attached.
 const MAX_NODES: usize = 256;
@@ -17,6 +19,15 @@ const MAX_NODES: usize = 256;
 const MAX_HELD: usize = 4;
 /// Samples that a writer may hold before sending: the next one, and one more.
 const MAX_LOANED: usize = 2;
+
+/// What iceoryx2 adds to a sample.
+const SAMPLE_OVERHEAD_BYTES: usize = 64;
+/// What services, nodes and connections take besides the samples.
+const MANAGEMENT_BYTES: usize = 2 << 20;
+
+fn sample_bytes<R: Record>(robots: usize) -> usize {
+    robots * size_of::<R>() + size_of::<R::Header>()
+}
 
 /// Where the channels of one fleet are.
 #[derive(Debug, Clone)]
@@ -59,6 +70,33 @@ impl Transport {
     /// Full name of a channel.
     pub fn service_name(&self, channel: Channel) -> String {
         format!("clearway/{}/v1/{}", self.fleet, channel.name())
+    }
+
+    /// Checks that shared memory can hold what the daemon of a fleet writes. Memory that is promised
+    /// and not there ends a process with SIGBUS at its first use, far from the cause.
+    ///
+    /// # Errors
+    /// [`ChannelError::Full`]. A file system that cannot be asked is taken to be large enough.
+    pub fn check_room(&self, robots: usize) -> Result<(), ChannelError> {
+        let needed = self.bytes::<RobotState>(robots)
+            + self.bytes::<RobotCommand>(robots)
+            + self.bytes::<RobotTelemetry>(robots)
+            + MANAGEMENT_BYTES;
+        let needed_bytes = u64::try_from(needed).unwrap_or(u64::MAX);
+        let Ok(shared) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
+        let free_bytes = shared.f_bavail.saturating_mul(shared.f_frsize);
+        if free_bytes < needed_bytes {
+            return Err(ChannelError::Full { robots, needed_bytes, free_bytes });
+        }
+        Ok(())
+    }
+
+    /// What the writer of a channel sets aside for its samples.
+    fn bytes<R: Record>(&self, robots: usize) -> usize {
+        let sample = sample_bytes::<R>(robots);
+        let depth = Channel::depth(&self.settings, sample);
+        (self.settings.max_readers.max(1) * (depth + MAX_HELD) + MAX_LOANED + 1)
+            * (sample + SAMPLE_OVERHEAD_BYTES)
     }
 
     /// Joins shared memory under a name that tells others who this is. Cleans up after processes
@@ -169,7 +207,6 @@ impl Attachment {
         robots: usize,
     ) -> Result<Service<ipc::Service, [R], R::Header>, ChannelError> {
         let settings = &self.transport.settings;
-        let sample_bytes = robots * size_of::<R>() + size_of::<R::Header>();
         let history = usize::from(matches!(R::CHANNEL, Channel::State | Channel::Command));
         let service = self.name::<R>()?;
         self.node
@@ -180,7 +217,7 @@ impl Attachment {
             .max_subscribers(settings.max_readers.max(1))
             .max_nodes(MAX_NODES)
             .subscriber_max_borrowed_samples(MAX_HELD)
-            .subscriber_max_buffer_size(Channel::depth(settings, sample_bytes))
+            .subscriber_max_buffer_size(Channel::depth(settings, sample_bytes::<R>(robots)))
             .history_size(history)
             .enable_safe_overflow(R::CHANNEL.overwrites_oldest())
             .open_or_create()

@@ -67,8 +67,9 @@ fn told(intent: &Intent, waypoint_m: Vec2) -> RobotIntent {
     }
 }
 
-/// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal.
-fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
+/// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal, and
+/// a foreign one, of which nothing is known, to stand.
+fn seen(law: &Law, own: &RobotState, other: &RobotState, foreign: bool) -> Neighbour {
     let (position_m, goal_m) = (other.position_m(), other.goal_m());
     let (intent, target_m) = if other.intent.valid == 1 {
         let i = &other.intent;
@@ -99,7 +100,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
         omega_radps: other.omega_radps,
         target_m,
         required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m,
-        arrived: arrived(law, other),
+        arrived: foreign || arrived(law, other),
         intent,
     }
 }
@@ -146,7 +147,9 @@ impl RobotController {
         let own = &fleet[self.index];
         let mut telemetry =
             RobotTelemetry { id: self.id.0, clearance_m: f64::INFINITY, ..RobotTelemetry::default() };
-        let command = if own.has(state_flags::VALID) {
+        let command = if law.foreign_speed_mps[self.index].is_some() {
+            RobotCommand::stop(self.id, StopReason::Foreign)
+        } else if own.has(state_flags::VALID) {
             match self.solve(law, fleet, work, &mut telemetry) {
                 Ok(command) => RobotCommand::verified(self.id, command),
                 Err(reason) => RobotCommand::stop(self.id, reason),
@@ -172,14 +175,14 @@ impl RobotController {
             work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(fleet, self.index)));
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
         let aim = self.aim(law, fleet, near);
-        self.note(law, &aim, telemetry);
+        Self::note(law, &aim, telemetry);
 
         let programme = &mut work.programme;
         programme.clear_rows();
         programme.omega_radps = Interval { min: law.limits.omega_min_radps, max: law.limits.omega_max_radps };
         let cap = if aim.holding { 0.0 } else { aim.guidance.speed_cap_mps.clamp(0.0, law.limits.v_max_mps) };
         programme.v_mps = Interval { min: law.limits.v_min_mps.max(-cap), max: cap };
-        (programme.position, programme.heading) = self.certificates(law, own, &aim, telemetry);
+        (programme.position, programme.heading) = Self::certificates(law, own, &aim, telemetry);
 
         if law.control.profile == Profile::Paper {
             let limit = printed::speed_limit(law, fleet, self.index, near, optimal_speed(programme));
@@ -252,7 +255,7 @@ impl RobotController {
         let mut neighbours = [Neighbour::default(); NEIGHBOURS_MAX];
         let mut count = 0;
         for (slot, n) in neighbours.iter_mut().zip(near) {
-            *slot = seen(law, own, &fleet[n.index]);
+            *slot = seen(law, own, &fleet[n.index], law.foreign_speed_mps[n.index].is_some());
             count += 1;
         }
         self.near_views.clear();
@@ -291,7 +294,6 @@ impl RobotController {
 
     /// The certificates (28) and (31) for the aim.
     fn certificates(
-        &self,
         law: &Law,
         own: &RobotState,
         aim: &Aim,
@@ -324,7 +326,7 @@ impl RobotController {
         )
     }
 
-    fn note(&self, law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
+    fn note(law: &Law, aim: &Aim, telemetry: &mut RobotTelemetry) {
         let g = &aim.guidance;
         telemetry.reference_rotation_rad = g.beta_rad;
         telemetry.speed_cap_mps = g.speed_cap_mps.min(law.limits.v_max_mps);

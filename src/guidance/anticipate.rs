@@ -10,7 +10,7 @@
 //! 57 candidates x 16 steps x 16 neighbours; most candidates are given up early.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView};
 use super::{bypass, roundabout};
 use crate::geometry::{Vec2, rotate, unit, wrap};
 
@@ -33,7 +33,7 @@ const PATIENCE_MIN: f64 = 0.05;
 const STANDOFF_RANGE_M: f64 = 1.5;
 
 /// The normal case: turn the target by the way around parked robots or by the roundabout, then choose the best candidate.
-pub fn drive(
+pub(super) fn drive(
     ego: &Ego,
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
@@ -45,7 +45,7 @@ pub fn drive(
     memory.beta_rad = 0.0;
     let to_target = ego.target_m - ego.position_m;
     let around = bypass::rotation(ego, neighbours, limits, params, memory);
-    let turn = if around != 0.0 { around } else { -roundabout::rotation(ego, neighbours, limits, params) };
+    let turn = if around == 0.0 { -roundabout::rotation(ego, neighbours, limits, params) } else { around };
     let (s, c) = libm::sincos(turn);
     memory.intent.target_m = ego.position_m + rotate(to_target, c, s);
     // The longer it takes to get past parked robots, the closer it may pass.

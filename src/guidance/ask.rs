@@ -4,17 +4,17 @@
 //! the other half.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Drive, Ego, Limits, Memory, Neighbour};
 use crate::geometry::unit;
 
 /// Published as `Intent::blocked_s` while asking.
-pub const ASKING_S: f64 = 100.0;
+pub(super) const ASKING_S: f64 = 100.0;
 /// Cosine of the heading error at which driving starts.
 const ALIGNED_COS: f64 = 0.8;
 /// Neighbours approached more slowly than this fraction of the speed do not matter.
 const CLOSING_MIN: f64 = 0.2;
 
-pub fn drive(
+pub(super) fn drive(
     ego: &Ego,
     bearing_rad: f64,
     neighbours: &[Neighbour],

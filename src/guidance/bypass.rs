@@ -5,7 +5,7 @@
 //! the neighbours given.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour};
 use crate::geometry::{Vec2, wrap};
 use core::f64::consts::PI;
 
@@ -26,7 +26,7 @@ struct Edge {
 }
 
 /// Angle from the target to the edge to steer for; 0 when the straight way is free.
-pub fn rotation(
+pub(super) fn rotation(
     ego: &Ego,
     neighbours: &[Neighbour],
     limits: &Limits,

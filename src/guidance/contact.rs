@@ -1,6 +1,6 @@
 //! Contact: a heading into something that is touched is no motion, so it is made tangential and slightly outward.
 
-use super::types::*;
+use super::types::{Ego, Neighbour, ObstacleView};
 use crate::geometry::{Vec2, unit};
 
 /// Outward part of the direction at contact.
@@ -9,7 +9,12 @@ const LEAN: f64 = 0.08;
 const CREEP_M: f64 = 0.05;
 
 /// Heading that the hard rows of these neighbours and obstacles let pass at creeping speed.
-pub fn slide(ego: &Ego, heading_rad: f64, neighbours: &[Neighbour], obstacles: &[ObstacleView]) -> f64 {
+pub(super) fn slide(
+    ego: &Ego,
+    heading_rad: f64,
+    neighbours: &[Neighbour],
+    obstacles: &[ObstacleView],
+) -> f64 {
     let mut direction = unit(heading_rad);
     let mut changed = false;
     let mut touch = |normal: Vec2, gap: f64| {

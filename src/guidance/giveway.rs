@@ -5,7 +5,7 @@
 //! Ranks are ids, so that a finite group always has one robot nobody asks to move. Bounded: 16 directions x 3 lengths.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Way};
 use crate::geometry::{Vec2, closest_point_on_segment, unit, wrap};
 
 const DIRECTIONS: u32 = 16;
@@ -22,7 +22,7 @@ const CONTACT_M: f64 = 0.03;
 const PATH_M: f64 = 2.5;
 
 /// Starts, continues or ends giving way; the spot to go to while it lasts.
-pub fn spot(
+pub(super) fn spot(
     ego: &Ego,
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
@@ -69,7 +69,7 @@ pub fn spot(
 }
 
 /// Straight to the spot, slowly, once it is ahead.
-pub fn drive(ego: &Ego, spot_m: Vec2, limits: &Limits) -> Drive {
+pub(super) fn drive(ego: &Ego, spot_m: Vec2, limits: &Limits) -> Drive {
     let to = spot_m - ego.position_m;
     let left = to.norm();
     let heading_rad = if left > REACHED_M { libm::atan2(to.y, to.x) } else { ego.heading_rad };
@@ -81,7 +81,7 @@ pub fn drive(ego: &Ego, spot_m: Vec2, limits: &Limits) -> Drive {
 /// Where the other means to go: its spot while it gives way itself, otherwise its target.
 fn ahead(n: &Neighbour) -> Vec2 {
     let to = n.target_m - n.position_m;
-    if n.intent.rank != n.id { unit(n.intent.heading_rad) } else { to.try_normalize(1e-9).unwrap_or(to) }
+    if n.intent.rank == n.id { to.try_normalize(1e-9).unwrap_or(to) } else { unit(n.intent.heading_rad) }
 }
 
 fn best_spot(

@@ -4,7 +4,7 @@
 //! When x* is shorter than η‖x_pref‖, x_pref is turned clockwise until it is not; the angle is remembered and decays.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Drive, Ego, Limits, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView};
 use crate::geometry::{Vec2, rotate, unit, wrap};
 
 const PLANES_MAX: usize = NEIGHBOURS_MAX + OBSTACLES_MAX;
@@ -27,7 +27,7 @@ struct Plane {
 }
 
 /// Decides by the right-hand rule; `beta_rad` is the clockwise turn remembered.
-pub fn drive(
+pub(super) fn drive(
     ego: &Ego,
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
@@ -40,7 +40,7 @@ pub fn drive(
     for n in neighbours {
         let offset = ego.position_m - n.position_m;
         let d = offset.norm();
-        if d < 1e-9 || d > RANGE_M {
+        if !(1e-9..=RANGE_M).contains(&d) {
             continue;
         }
         let gap = d - n.required_distance_m - params.plane_margin_m;

@@ -39,9 +39,9 @@ pub struct Params {
     pub prox_fade: f64,
     /// s of lost time for predicted overlap, per ρ of depth.
     pub overlap_weight: f64,
-    /// s/rad for deflections to the left and to the right. Their difference breaks ties; equal ones dead-lock
-    /// mirrored pairs.
+    /// s/rad for deflections to the left. Equal to `right_weight`, mirrored pairs deadlock.
     pub left_weight: f64,
+    /// s/rad for deflections to the right; below `left_weight`, so that everybody keeps right.
     pub right_weight: f64,
     /// s/rad for changing the published heading. Too small: dithering; too large: slow reactions.
     pub hysteresis_weight: f64,
@@ -76,8 +76,9 @@ pub struct Params {
     pub give_up_around_s: f64,
 
     // ---- Right-hand rule (`halfplane`) ----
-    /// s without progress after which the right-hand rule takes over, and s of motion for which it stays.
+    /// s without progress after which the right-hand rule takes over.
     pub blocked_enter_s: f64,
+    /// s of motion for which the right-hand rule stays. Too small: it flickers.
     pub fallback_hold_s: f64,
     /// 1/s, approach speed allowed per metre beyond the margin.
     pub plane_gain: f64,
@@ -85,8 +86,9 @@ pub struct Params {
     pub plane_margin_m: f64,
     /// Fraction of the preferred speed below which the preferred direction is turned clockwise.
     pub eta: f64,
-    /// rad, largest such turn, and rad by which it decays a step.
+    /// rad, largest such turn.
     pub beta_max_rad: f64,
+    /// rad by which that turn decays a step. Too large: the robot turns back into the jam.
     pub beta_decay_rad: f64,
     /// 1/rad, loss of speed with heading error.
     pub align_slope: f64,
@@ -102,17 +104,21 @@ pub struct Params {
     pub queue_patience_s: f64,
 
     // ---- Giving way (`giveway`) ----
-    /// s another of higher rank must be blocked before this robot leaves its way; the same for a parked robot.
+    /// s another of higher rank must be blocked before this robot leaves its way.
     pub give_way_after_s: f64,
+    /// s another robot must be blocked before a parked one leaves its place for it.
     pub parked_wait_s: f64,
-    /// s for which it stays aside, and s before it may do so again.
+    /// s for which it stays aside.
     pub give_way_s: f64,
+    /// s before it may go aside again. Too small: it never gets anywhere itself.
     pub give_way_rest_s: f64,
     /// m beyond ρ within which it concerns itself.
     pub give_way_reach_m: f64,
-    /// s blocked after which a robot asks parked ones, s for which it asks, m of room it leaves them meanwhile.
+    /// s blocked after which a robot asks parked ones to make way.
     pub ask_after_s: f64,
+    /// s for which it asks.
     pub ask_s: f64,
+    /// m of room it leaves the parked ones meanwhile. Too small: they cannot turn away.
     pub ask_room_m: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Progress: motion, turning one way on the spot, or waiting in a queue that moves. The rest counts as blocked.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Ego, Limits, Memory};
 
 /// A queue that leaves less speed than this makes the robot wait.
 const QUEUE_STOP_MPS: f64 = 0.3;
@@ -9,7 +9,13 @@ const QUEUE_STOP_MPS: f64 = 0.3;
 const TURNING_SHARE: f64 = 0.6;
 
 /// Brings the counters up to date and starts the escalations they call for. Returns whether the robot moves.
-pub fn update(ego: &Ego, queue: Option<f64>, limits: &Limits, params: &Params, memory: &mut Memory) -> bool {
+pub(super) fn update(
+    ego: &Ego,
+    queue: Option<f64>,
+    limits: &Limits,
+    params: &Params,
+    memory: &mut Memory,
+) -> bool {
     let distance = (ego.target_m - ego.position_m).norm();
     let full_speed = limits.v_max_mps.min(distance / limits.period_s);
     let moving = ego.v_mps > params.moving_fraction * full_speed;

@@ -3,7 +3,7 @@
 //! Without it everybody pushes to the opening and nobody has room left to turn.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Ego, Neighbour};
 use crate::geometry::unit;
 
 /// Two waypoints nearer than this are the same opening.
@@ -15,7 +15,7 @@ const AHEAD_M: f64 = 1.5;
 const CLOSING_MIN: f64 = 0.3;
 
 /// Speed that keeps the gap to those ahead, or `None` when nobody is.
-pub fn speed_cap(ego: &Ego, neighbours: &[Neighbour], params: &Params) -> Option<f64> {
+pub(super) fn speed_cap(ego: &Ego, neighbours: &[Neighbour], params: &Params) -> Option<f64> {
     // The target is the goal: no opening ahead.
     if ego.beyond_m <= 0.0 {
         return None;

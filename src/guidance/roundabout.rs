@@ -11,13 +11,13 @@
 //! to know N. It depends on positions and targets only, so it does not oscillate.
 
 use super::params::Params;
-use super::types::*;
+use super::types::{Ego, Limits, Neighbour};
 
 /// Share of the horizon over which a conflict fades in.
 const FADE: f64 = 0.3;
 
 /// Clockwise rotation of the target, rad, in [0, `lane_beta_max_rad`].
-pub fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &Params) -> f64 {
+pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &Params) -> f64 {
     let to = ego.target_m - ego.position_m;
     let left = to.norm();
     if left < 1e-6 {

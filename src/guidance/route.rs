@@ -2,7 +2,7 @@
 //!
 //! Built when the goal or the obstacles change (allocates). Per tick `target` looks at every node once (no allocation).
 
-use super::types::*;
+use super::types::ObstacleView;
 use crate::geometry::{Vec2, closest_point_on_segment, segment_distance, unit};
 use std::f64::consts::PI;
 
@@ -34,12 +34,14 @@ impl Route {
         Self { goal_m, nodes: Vec::new() }
     }
 
+    /// The shortest ways to `goal_m` around `obstacles`. Allocates; Dijkstra over a visibility graph with
+    /// eight corners for each disc and each end of a wall.
     pub fn build(obstacles: &[ObstacleView], goal_m: Vec2) -> Self {
         let mut points = Vec::new();
         for o in obstacles {
             match *o {
                 ObstacleView::Circle { centre_m, radius_m, keep_m } => {
-                    corners(centre_m, radius_m + keep_m, &mut points)
+                    corners(centre_m, radius_m + keep_m, &mut points);
                 }
                 ObstacleView::Segment { from_m, to_m, keep_m } => {
                     corners(from_m, keep_m, &mut points);

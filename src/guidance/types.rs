@@ -9,16 +9,23 @@ pub const OBSTACLES_MAX: usize = 8;
 /// The robot that decides, from the snapshot of this tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Ego {
+    /// Its id.
     pub id: u32,
+    /// Position, m.
     pub position_m: Vec2,
+    /// Heading, rad.
     pub heading_rad: f64,
+    /// Radius of the body, m.
     pub radius_m: f64,
     /// Where to go now: the goal itself, or the waypoint of `Route::target`.
     pub target_m: Vec2,
     /// Route length left beyond `target_m`; 0 when the target is the goal.
     pub beyond_m: f64,
+    /// Speed in force, m/s.
     pub v_mps: f64,
+    /// Turn rate in force, rad/s.
     pub omega_radps: f64,
+    /// Inside the tolerance of its goal.
     pub arrived: bool,
 }
 
@@ -40,15 +47,21 @@ pub struct Intent {
 /// Another robot, from the same snapshot.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Neighbour {
+    /// Its id.
     pub id: u32,
+    /// Position, m.
     pub position_m: Vec2,
+    /// Heading, rad.
     pub heading_rad: f64,
+    /// Speed in force, m/s.
     pub v_mps: f64,
+    /// Turn rate in force, rad/s.
     pub omega_radps: f64,
     /// Its goal, or the waypoint it is heading for.
     pub target_m: Vec2,
     /// Required centre distance ρ_ij.
     pub required_distance_m: f64,
+    /// Inside the tolerance of its goal.
     pub arrived: bool,
     /// What it published last tick.
     pub intent: Intent,
@@ -56,16 +69,17 @@ pub struct Neighbour {
 
 /// Where a neighbour is, seen from a point.
 #[derive(Clone, Copy, Debug)]
-pub struct Bearing {
+pub(super) struct Bearing {
     /// Unit vector from the neighbour to the point (n_ij).
     pub normal: Vec2,
+    /// Distance of the centres, m.
     pub distance_m: f64,
     /// Distance beyond the required one.
     pub gap_m: f64,
 }
 
 impl Neighbour {
-    pub fn seen_from(&self, p: Vec2) -> Bearing {
+    pub(super) fn seen_from(&self, p: Vec2) -> Bearing {
         let offset = p - self.position_m;
         let distance_m = offset.norm().max(1e-6);
         Bearing { normal: offset / distance_m, distance_m, gap_m: distance_m - self.required_distance_m }
@@ -75,8 +89,24 @@ impl Neighbour {
 /// A static obstacle and the distance to keep from it (d_s + radius).
 #[derive(Clone, Copy, Debug)]
 pub enum ObstacleView {
-    Circle { centre_m: Vec2, radius_m: f64, keep_m: f64 },
-    Segment { from_m: Vec2, to_m: Vec2, keep_m: f64 },
+    /// A disc.
+    Circle {
+        /// Centre, m.
+        centre_m: Vec2,
+        /// Radius, m.
+        radius_m: f64,
+        /// Distance to keep from it, m.
+        keep_m: f64,
+    },
+    /// A thin wall.
+    Segment {
+        /// One end, m.
+        from_m: Vec2,
+        /// The other end, m.
+        to_m: Vec2,
+        /// Distance to keep from it, m.
+        keep_m: f64,
+    },
 }
 
 impl ObstacleView {
@@ -95,76 +125,81 @@ impl ObstacleView {
 /// Actuator limits and the period.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
+    /// Largest speed, m/s.
     pub v_max_mps: f64,
+    /// Largest turn rate to either side, rad/s.
     pub omega_max_radps: f64,
+    /// Sampling period T, s.
     pub period_s: f64,
 }
 
 /// What one robot remembers from tick to tick. `Memory::default()` at start and when its goal changes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
-    pub started: bool,
+    pub(super) started: bool,
     /// What was published last tick.
-    pub intent: Intent,
-    pub progress: Progress,
+    pub(super) intent: Intent,
+    pub(super) progress: Progress,
     /// Right-hand rule: motion left until it ends, and the clockwise turn it remembers.
-    pub fallback_s: f64,
-    pub beta_rad: f64,
-    pub around: Around,
-    pub way: Way,
+    pub(super) fallback_s: f64,
+    pub(super) beta_rad: f64,
+    pub(super) around: Around,
+    pub(super) way: Way,
     /// Time left to go straight and ask parked robots to make way.
-    pub ask_s: f64,
+    pub(super) ask_s: f64,
 }
 
 /// Whether the robot gets anywhere.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Progress {
+pub(super) struct Progress {
     /// Seconds without progress; decays while the robot moves.
-    pub blocked_s: f64,
+    pub(super) blocked_s: f64,
     /// Seconds since it last moved, and its net turn since then.
-    pub still_s: f64,
-    pub turned_rad: f64,
+    pub(super) still_s: f64,
+    pub(super) turned_rad: f64,
     /// Seconds waiting behind others at an opening.
-    pub queued_s: f64,
+    pub(super) queued_s: f64,
 }
 
 /// Passing a cluster of parked robots.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Around {
+pub(super) struct Around {
     /// 1 left, −1 right, 0 none.
-    pub side: f64,
+    pub(super) side: f64,
     /// Seconds since the straight way was last blocked.
-    pub free_s: f64,
+    pub(super) free_s: f64,
     /// Seconds spent going around.
-    pub spent_s: f64,
+    pub(super) spent_s: f64,
     /// How often the side was changed.
-    pub changes: f64,
+    pub(super) changes: f64,
 }
 
 /// Giving way.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Way {
+pub(super) struct Way {
     /// Time left aside, and rest before going aside again.
-    pub left_s: f64,
-    pub rest_s: f64,
+    pub(super) left_s: f64,
+    pub(super) rest_s: f64,
     /// Whose way it is; the own id otherwise.
-    pub rank: u32,
-    pub spot_m: Vec2,
+    pub(super) rank: u32,
+    pub(super) spot_m: Vec2,
 }
 
 /// Heading and speed that one rule decides on.
 #[derive(Clone, Copy, Debug)]
-pub struct Drive {
-    pub heading_rad: f64,
-    pub speed_cap_mps: f64,
+pub(super) struct Drive {
+    pub(super) heading_rad: f64,
+    pub(super) speed_cap_mps: f64,
     /// Mean speed to publish.
-    pub intent_speed_mps: f64,
+    pub(super) intent_speed_mps: f64,
 }
 
 /// What the programme receives.
 #[derive(Clone, Copy, Debug)]
 pub struct Guidance {
+    /// Reference of the position certificate, m.
     pub reference_m: Vec2,
+    /// Upper bound on v, m/s.
     pub speed_cap_mps: f64,
     /// Angle from the direction of the target to the reference, counter-clockwise positive.
     pub beta_rad: f64,

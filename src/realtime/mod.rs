@@ -43,7 +43,12 @@ impl Achieved {
             (self.policy, self.priority) = (grant.policy, grant.priority);
         }
         self.cpus.push(grant.cpu);
-        self.degraded.extend(grant.refused);
+        // What is refused to one worker is refused to all.
+        for refused in grant.refused {
+            if !self.degraded.contains(&refused) {
+                self.degraded.push(refused);
+            }
+        }
     }
 
     /// Takes the outcome of [`lock_memory`].

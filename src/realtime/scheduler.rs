@@ -26,7 +26,7 @@ impl Role {
 impl std::fmt::Display for Role {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Loop => f.write_str("loop thread"),
+            Self::Loop => f.write_str("the loop thread"),
             Self::Worker(index) => write!(f, "worker {index}"),
         }
     }
@@ -64,14 +64,14 @@ pub fn enter(role: Role, config: &RealTimeConfig, cpu: Option<usize>) -> ThreadG
     prefault_stack();
     // Without it a sleep of an ordinary thread ends up to 50 µs late; real-time ones have none.
     if let Err(e) = set_current_timer_slack(NonZeroU64::new(1)) {
-        grant.refused.push(format!("timer slack of the {role} not set: {e}"));
+        grant.refused.push(format!("timer slack of {role} not set: {e}"));
     }
     if let Some(cpu) = cpu {
         if core_affinity::set_for_current(core_affinity::CoreId { id: cpu }) && usable_cpus() == [cpu] {
             grant.cpu = Some(cpu);
         } else {
             grant.refused.push(format!(
-                "the {role} is not pinned to CPU {cpu}: it is not one this process may use; choose from \
+                "{role} is not pinned to CPU {cpu}: it is not one this process may use; choose from \
                  those that `taskset -p $$` shows, or widen the cpuset"
             ));
         }
@@ -80,8 +80,9 @@ pub fn enter(role: Role, config: &RealTimeConfig, cpu: Option<usize>) -> ThreadG
     match set_fifo(priority) {
         Ok(()) => (grant.policy, grant.priority) = ("fifo", priority),
         Err(e) => grant.refused.push(format!(
-            "the {role} runs without SCHED_FIFO priority {priority}: {e}; grant CAP_SYS_NICE, or raise the \
-             limit (`ulimit -r {priority}`, LimitRTPRIO={priority} in the unit, rtprio in limits.conf)"
+            "{} without SCHED_FIFO priority {priority}: {e}; grant CAP_SYS_NICE, or raise the \
+             limit (`ulimit -r {priority}`, LimitRTPRIO={priority} in the unit, rtprio in limits.conf)",
+            if role == Role::Loop { "the loop thread runs" } else { "workers run" },
         )),
     }
     grant

@@ -69,7 +69,8 @@ impl<C: Clock> ControlLoop<C> {
         let mut planned = 0;
         loop {
             self.clock.sleep_until(self.schedule.release_ns(planned));
-            let tick = self.schedule.resume(planned, self.clock.now_ns());
+            let woken_ns = self.clock.now_ns();
+            let tick = self.schedule.resume(planned, woken_ns);
             let reason = self.board.stop_requested();
             if let Some(reason) = reason.or((tick >= self.tick_end).then_some(StopReason::Finished)) {
                 self.publish_stop(tick, reason);
@@ -77,14 +78,13 @@ impl<C: Clock> ControlLoop<C> {
                 self.wake_workers();
                 return reason;
             }
-            self.period(tick, tick - planned);
+            self.period(tick, tick - planned, woken_ns);
             planned = tick + 1;
         }
     }
 
-    fn period(&mut self, tick: u64, skipped_periods: u64) {
+    fn period(&mut self, tick: u64, skipped_periods: u64, woken_ns: u64) {
         let release_ns = self.schedule.release_ns(tick);
-        let woken_ns = self.clock.now_ns();
         self.observe(tick, Instant { epoch: self.epoch, release_ns, now_ns: woken_ns });
         self.publish_states(tick, release_ns, woken_ns);
         self.board.release(tick);
@@ -161,6 +161,7 @@ impl<C: Clock> ControlLoop<C> {
             *intent = staged.map_or_else(RobotIntent::default, |(_, intent)| intent);
             let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
             *command = match staged {
+                _ if state.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
                 _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
                 None => stop(StopReason::Deadline),
                 Some((staged, _)) if staged.stop_reason != 0 => {

@@ -1,5 +1,5 @@
 use std::ops::Range;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -10,6 +10,7 @@ use super::decider::Decider;
 use super::error::DaemonError;
 use super::housekeeping::{Answers, Findings, Forecast, Housekeeper};
 use super::progress::Progress;
+use super::starting::{EndOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
 use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
 use crate::channel::Transport;
@@ -17,13 +18,16 @@ use crate::clock::{Clock, MonotonicClock};
 use crate::config::Config;
 use crate::controller::RobotGroup;
 use crate::figures::Accumulator;
-use crate::realtime::{Achieved, Placement, ThreadGrant, lock_memory, usable_cpus};
+use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
 use crate::report::{self, Report};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::StopReason;
 
 /// How long threads may take to come home at the end.
 const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Readers that a channel has room for besides the workers, at least.
+const READERS_BESIDE_WORKERS: usize = 8;
 
 /// A running daemon. Dropping it ends the run and waits for its threads, but not for ever.
 #[derive(Debug)]
@@ -61,11 +65,18 @@ impl Daemon {
     {
         let mut realtime = Achieved::default();
         realtime.add_memory(lock_memory(&config.realtime));
-        let config = Arc::new(config);
+        let mut config = config;
         let robots = config.scenario.robots.len();
+        let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
+        // However many workers there are, others find a place beside them.
+        let readers = &mut config.channel.max_readers;
+        *readers = (*readers).max(placement.worker_cpus.len() + READERS_BESIDE_WORKERS);
+        let config = Arc::new(config);
         let board = Arc::new(Board::new(config.scenario.robots.iter().map(|robot| robot.id.0).collect()));
+        let transport = Transport::new(&config.fleet, &config.channel)?;
+        transport.check_room(robots)?;
         let common = Common {
-            transport: Transport::new(&config.fleet, &config.channel)?,
+            transport,
             config: Arc::clone(&config),
             board: Arc::clone(&board),
             // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
@@ -81,11 +92,17 @@ impl Daemon {
             workers: Vec::new(),
             housekeeping: None,
         };
-        daemon.spawn_all(&common, until, make)?;
+        daemon.spawn_all(&common, until, &placement, make)?;
         Ok(daemon)
     }
 
-    fn spawn_all<D, E, F>(&mut self, common: &Common, until: Until, make: F) -> Result<(), DaemonError>
+    fn spawn_all<D, E, F>(
+        &mut self,
+        common: &Common,
+        until: Until,
+        placement: &Placement,
+        make: F,
+    ) -> Result<(), DaemonError>
     where
         D: Decider,
         E: std::fmt::Display,
@@ -93,7 +110,6 @@ impl Daemon {
     {
         let config = Arc::clone(&self.config);
         let robots = config.scenario.robots.len();
-        let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
         let capacity = record_capacity(&config);
         let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(robots)));
         let (go, going) = sync_channel(1);
@@ -281,49 +297,4 @@ impl Drop for Daemon {
             let _ = join_until(thread, end);
         }
     }
-}
-
-/// Waits for a thread until `end`.
-///
-/// # Errors
-/// The thread, when it has not ended by then.
-fn join_until<T>(thread: JoinHandle<T>, end: Instant) -> Result<std::thread::Result<T>, JoinHandle<T>> {
-    while !thread.is_finished() {
-        if Instant::now() >= end {
-            return Err(thread);
-        }
-        // It may be asleep until somebody wakes it.
-        thread.thread().unpark();
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    Ok(thread.join())
-}
-
-/// Ends the run when the loop does, however it does.
-struct EndOnDrop<'a>(&'a Board);
-
-impl Drop for EndOnDrop<'_> {
-    fn drop(&mut self) {
-        self.0.end();
-    }
-}
-
-fn spawn<T: Send + 'static>(
-    name: &str,
-    body: impl FnOnce() -> T + Send + 'static,
-) -> Result<JoinHandle<T>, DaemonError> {
-    std::thread::Builder::new()
-        .name(name.to_owned())
-        .spawn(body)
-        .map_err(|e| DaemonError::Thread { thread: name.to_owned(), reason: e.to_string() })
-}
-
-fn wait(readiness: &Receiver<Result<ThreadGrant, DaemonError>>) -> Result<ThreadGrant, DaemonError> {
-    readiness.recv().unwrap_or(Err(DaemonError::Panicked { thread: "starting" }))
-}
-
-/// Contiguous shares of `robots` for `workers`, as equal as they can be.
-fn shares(robots: usize, workers: usize) -> impl Iterator<Item = Range<usize>> {
-    let workers = workers.max(1);
-    (0..workers).map(move |w| w * robots / workers..(w + 1) * robots / workers)
 }

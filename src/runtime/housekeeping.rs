@@ -60,6 +60,7 @@ impl Housekeeper {
                 self.board.request_stop(StopReason::Finished);
             }
             if over {
+                self.statistics.log_changes(self.telemetry.discarded(), &self.board);
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
                 return Findings { accumulator: self.accumulator, statistics: self.statistics };
             }
@@ -82,7 +83,7 @@ impl Housekeeper {
                     answers.drain(solves, accumulator, statistics);
                     let header = statistics.add_period(period, answers.get(period.header.tick));
                     accumulator.observe_period(period.header.tick, &period.states);
-                    *settled = accumulator.arrived() == answers.robots && stands(period);
+                    *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);
                 })
                 .is_some();
@@ -176,7 +177,6 @@ fn publish(
 
 /// The workers' records of the last periods, put together by tick.
 pub(super) struct Answers {
-    robots: usize,
     ring: Vec<Answer>,
 }
 
@@ -195,7 +195,7 @@ impl Answers {
     pub(super) fn new(robots: usize, periods: usize) -> Self {
         let empty =
             Answer { tick: None, known: 0, staged_ns: 0, robots: vec![RobotTelemetry::default(); robots] };
-        Self { robots, ring: vec![empty; periods.max(1)] }
+        Self { ring: vec![empty; periods.max(1)] }
     }
 
     fn slot(&self, tick: u64) -> usize {

@@ -26,6 +26,7 @@ mod error;
 mod housekeeping;
 mod progress;
 mod staging;
+mod starting;
 mod statistics;
 mod threads;
 mod worker;

@@ -312,7 +312,9 @@ fn a_worker_that_panics_stops_its_robots_for_one_period_and_is_built_anew() {
     let world = World::new("panic");
     let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 8);
     rig.ready = Box::new(|board, tick| {
-        board.staging.complete(tick) || (tick == 3 && board.worker_panics.load(Ordering::Relaxed) == 1)
+        let other = board.staging.take(1, tick).is_some();
+        let panicked = tick == 3 && board.worker_panics.load(Ordering::Relaxed) == 1;
+        other && (panicked || board.staging.complete(tick))
     });
     let once = Arc::new(AtomicBool::new(true));
     let fault: Fault = Arc::new(move |period, owned| {

@@ -59,6 +59,7 @@ pub fn lanes(robots: u32, length_m: f64) -> Scenario {
         radius_m: 0.15,
         start: Pose::new(0.0, f64::from(id), 0.0),
         goal_m: Vec2::new(length_m, f64::from(id)),
+        foreign_speed_mps: None,
     };
     Scenario {
         name: "lanes".into(),
@@ -90,7 +91,9 @@ impl Decider for Straight {
             let robot = &fleet[index];
             let next = robot.arc().pose(self.period_s);
             let left_m = robot.goal_x_m - next.position_m.x;
-            let command = Command { v_mps: (left_m / self.period_s).clamp(0.0, 5.0), omega_radps: 0.0 };
+            // Close enough is close enough: rounding must not keep it from ever standing still.
+            let v_mps = if left_m < 1e-3 { 0.0 } else { (left_m / self.period_s).min(5.0) };
+            let command = Command { v_mps, omega_radps: 0.0 };
             let telemetry = RobotTelemetry {
                 id: robot.id,
                 status: SolveStatus::Verified as u32,

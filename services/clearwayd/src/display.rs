@@ -1,5 +1,5 @@
 use std::fmt::Write as _;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use clearway::config::Config;
@@ -14,6 +14,9 @@ use crate::summary::{metres, time};
 
 /// Time between two lines where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(1);
+
+/// Two lines, so that 80 columns hold them.
+const LIVE: &str = "{spinner} arrived {pos}/{len} {bar:12}  {prefix}\n  {wide_msg}";
 
 /// Shows how a run goes: a live line on a terminal, otherwise a line a second; all on stderr.
 pub(crate) struct Display {
@@ -38,7 +41,7 @@ impl Display {
         let bar = (shown && terminal).then(|| {
             let bar = ProgressBar::new(config.scenario.robots.len() as u64);
             // The template is a constant; if it did not parse, the default style would do.
-            if let Ok(style) = ProgressStyle::with_template("{spinner} arrived {pos}/{len} {bar:12} {msg}") {
+            if let Ok(style) = ProgressStyle::with_template(LIVE) {
                 bar.set_style(style);
             }
             bar
@@ -56,7 +59,11 @@ impl Display {
         };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
         let writer = AboveBar(self.bar.clone());
-        let logger = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer).with_target(false);
+        let logger = tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(writer)
+            .with_ansi(std::io::stderr().is_terminal())
+            .with_target(false);
         // A logger that somebody else installed is as good.
         let _ = logger.try_init();
     }
@@ -86,11 +93,13 @@ impl Display {
         }
         if let Some(bar) = &self.bar {
             bar.set_position(progress.arrived as u64);
-            bar.set_message(line(progress));
+            bar.set_prefix(clocks(progress));
+            bar.set_message(health(progress));
             bar.tick();
         } else if self.lines && Instant::now() >= self.line_due {
             self.line_due = Instant::now() + LINE_EVERY;
-            self.say(&format!("arrived {}/{}  {}", progress.arrived, progress.robots, line(progress)));
+            let (clocks, health) = (clocks(progress), health(progress));
+            self.say(&format!("arrived {}/{}  {clocks}  {health}", progress.arrived, progress.robots));
         }
     }
 
@@ -108,12 +117,13 @@ impl Display {
     }
 }
 
-fn line(p: &Progress) -> String {
+fn clocks(p: &Progress) -> String {
+    format!("tick {}  t {:.2} s  wall {:.2} s", p.tick, p.time_s, p.wall_s)
+}
+
+fn health(p: &Progress) -> String {
     let mut line = format!(
-        "tick {}  t {:.2} s  wall {:.2} s  clearance ≥ {}  late {} (max {})  solve p99 {}  misses {}",
-        p.tick,
-        p.time_s,
-        p.wall_s,
+        "clearance ≥ {}  late {} (max {})  solve p99 {}  misses {}",
         metres(Some(p.min_clearance_m)),
         time(p.release_lateness_ns),
         time(p.release_lateness_max_ns),

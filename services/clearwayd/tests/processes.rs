@@ -279,6 +279,41 @@ fn a_killed_daemon_leaves_commands_that_expire_and_its_successor_a_new_epoch() {
 }
 
 #[test]
+fn a_daemon_that_was_stopped_goes_on_in_phase_and_without_a_burst() {
+    let world = World::new("paused");
+    let period_ns = 10_000_000;
+    let node = attach(&world.channel);
+    let mut states: StateReader = node.reader_or_create(8).unwrap();
+    let mut commands: CommandReader = node.reader_or_create(8).unwrap();
+    let process = daemon(&world, &["--config", &endless(&world)]);
+    let (_, paused_at) = until(|| newest(&mut states).filter(|(_, tick)| *tick > 3));
+    process.signal(Signal::STOP);
+    std::thread::sleep(Duration::from_millis(300));
+    let _ = (newest(&mut states), commands.newest().unwrap());
+    process.signal(Signal::CONT);
+    let (mut releases, mut last) = (Vec::new(), 0);
+    until(|| {
+        while let Some(sample) = states.next().unwrap() {
+            let header = *sample.header();
+            // Late by less than a period, or not at all: the phase is that of the start.
+            assert!(header.stamp_ns >= header.release_ns && header.stamp_ns < header.release_ns + period_ns);
+            releases.push(header.release_ns);
+            last = header.tick;
+        }
+        (last > paused_at + 60).then_some(())
+    });
+    assert!(releases.windows(2).all(|w| w[1] - w[0] >= period_ns && (w[1] - w[0]) % period_ns == 0));
+    while let Some(sample) = commands.next().unwrap() {
+        let header = sample.header();
+        assert!(header.stamp_ns < header.valid_from_ns, "{header:?}");
+    }
+    process.signal(Signal::TERM);
+    let run = process.output();
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    assert!(text(&run.stderr).contains("without a complete command in time"), "{}", text(&run.stderr));
+}
+
+#[test]
 fn mistakes_have_their_own_exit_status() {
     let world = World::new("mistakes");
     std::fs::create_dir_all(&world.channel.root).unwrap();

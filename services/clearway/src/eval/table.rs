@@ -27,7 +27,7 @@ pub(crate) fn render(results: &[Evaluation], all: bool) -> String {
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
-        "{:width$} {:>5} {:>11} {:>7} {:>10} {:>12} {:>10} {:>8} {:>7} {:>8} {:>8} {:>11}",
+        "{:width$} {:>5} {:>11} {:>7} {:>10} {:>12} {:>10} {:>8} {:>7} {:>7} {:>8} {:>8} {:>11}",
         "scenario",
         "runs",
         "arrived",
@@ -37,6 +37,7 @@ pub(crate) fn render(results: &[Evaluation], all: bool) -> String {
         "makespan s",
         "worst s",
         "ratio",
+        "−turn",
         "path",
         "∫|dω|",
         "steps/s"
@@ -82,13 +83,14 @@ impl Row<'_> {
         let sum = |value: &dyn Fn(&Evaluation) -> usize| self.members.iter().map(|e| value(e)).sum::<usize>();
         let least = |values: Vec<f64>| values.into_iter().reduce(f64::min);
         let worst = |values: Vec<f64>| values.into_iter().reduce(f64::max);
-        let show =
-            |value: Option<f64>, digits: usize| value.map_or("–".to_owned(), |v| format!("{v:.digits$}"));
+        let show = |value: Option<f64>, digits: usize| {
+            value.map_or("–".to_owned(), |v| format!("{:.digits$}", tidy(v, digits)))
+        };
         let makespans = of(&|e| e.figures.makespan_s);
         let complete = makespans.len() == self.members.len();
         let robot_steps_ns = mean(&of(&|e| Some(e.step_ns_per_robot as f64 * e.figures.robots as f64)));
         format!(
-            "{:width$} {:>5} {:>11} {:>7} {:>10} {:>12} {:>10} {:>8} {:>7} {:>8} {:>8} {:>11}",
+            "{:width$} {:>5} {:>11} {:>7} {:>10} {:>12} {:>10} {:>8} {:>7} {:>7} {:>8} {:>8} {:>11}",
             self.name,
             self.members.len(),
             format!("{}/{}", sum(&|e| e.figures.arrived), sum(&|e| e.figures.robots)),
@@ -98,11 +100,18 @@ impl Row<'_> {
             show(mean(&makespans), 2),
             show(worst(makespans).filter(|_| complete), 2),
             show(mean(&of(&|e| e.figures.arrival_ratio)), 2),
+            show(mean(&of(&|e| e.figures.arrival_ratio_after_turn)), 2),
             show(mean(&of(&|e| e.figures.path_ratio)), 2),
             show(mean(&of(&|e| Some(e.figures.omega_variation_rad))), 2),
             show(robot_steps_ns.map(|ns| 1e9 / ns.max(1.0)), 0),
         )
     }
+}
+
+/// No minus sign on what is shown as zero.
+fn tidy(value: f64, digits: usize) -> f64 {
+    let unit = 0.5 * 0.1f64.powi(i32::try_from(digits).unwrap_or(0));
+    if value.abs() < unit { 0.0 } else { value }
 }
 
 fn mean(values: &[f64]) -> Option<f64> {

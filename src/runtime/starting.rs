@@ -1,0 +1,89 @@
+//! Starting threads, waiting for them, and sharing out the robots.
+
+use std::ops::Range;
+use std::sync::mpsc::Receiver;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::board::Board;
+use super::error::DaemonError;
+use crate::realtime::ThreadGrant;
+
+/// Waits for a thread until `end`.
+///
+/// # Errors
+/// The thread, when it has not ended by then.
+pub(super) fn join_until<T>(
+    thread: JoinHandle<T>,
+    end: Instant,
+) -> Result<std::thread::Result<T>, JoinHandle<T>> {
+    while !thread.is_finished() {
+        if Instant::now() >= end {
+            return Err(thread);
+        }
+        // It may be asleep until somebody wakes it.
+        thread.thread().unpark();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Ok(thread.join())
+}
+
+/// Ends the run when the loop does, however it does.
+pub(super) struct EndOnDrop<'a>(pub(super) &'a Board);
+
+impl Drop for EndOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+/// Starts a thread.
+///
+/// # Errors
+/// [`DaemonError::Thread`].
+pub(super) fn spawn<T: Send + 'static>(
+    name: &str,
+    body: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>, DaemonError> {
+    std::thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(body)
+        .map_err(|e| DaemonError::Thread { thread: name.to_owned(), reason: e.to_string() })
+}
+
+/// Waits until a thread is ready, or has died before it was.
+pub(super) fn wait(
+    readiness: &Receiver<Result<ThreadGrant, DaemonError>>,
+) -> Result<ThreadGrant, DaemonError> {
+    readiness.recv().unwrap_or(Err(DaemonError::Panicked { thread: "starting" }))
+}
+
+/// Contiguous shares of `robots` for `workers`, as equal as they can be.
+pub(super) fn shares(robots: usize, workers: usize) -> impl Iterator<Item = Range<usize>> {
+    let workers = workers.max(1);
+    (0..workers).map(move |w| w * robots / workers..(w + 1) * robots / workers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_contiguous_and_nearly_equal() {
+        assert_eq!(shares(8, 3).collect::<Vec<_>>(), [0..2, 2..5, 5..8]);
+        assert_eq!(shares(2, 2).collect::<Vec<_>>(), [0..1, 1..2]);
+        assert!(shares(5, 0).eq(std::iter::once(0..5)));
+        assert_eq!(shares(1000, 7).map(|share| share.len()).sum::<usize>(), 1000);
+    }
+
+    #[test]
+    fn waiting_for_a_thread_ends_when_it_does_or_at_the_end_of_patience() {
+        let quick = std::thread::spawn(|| 7);
+        assert!(matches!(join_until(quick, Instant::now() + Duration::from_secs(60)), Ok(Ok(7))));
+        let (release, wait) = std::sync::mpsc::channel::<()>();
+        let slow = std::thread::spawn(move || wait.recv().is_err());
+        let slow = join_until(slow, Instant::now()).expect_err("it waits for us");
+        drop(release);
+        assert!(slow.join().unwrap());
+    }
+}

@@ -1,0 +1,75 @@
+//! The layout of `v1`: what readers in other languages rely on, and what can therefore never change.
+
+use std::mem::{align_of, offset_of, size_of};
+
+use clearway::wire::{
+    CommandHeader, ObservationHeader, RobotCommand, RobotIntent, RobotObservation, RobotState,
+    RobotTelemetry, StateHeader, StopReason, TelemetryHeader,
+};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// Name, size and alignment on the wire, and the sum of the fields' sizes: without implicit padding
+/// the size is that sum.
+fn layout<T: ZeroCopySend>(fields: &[usize]) -> (&'static str, usize, usize) {
+    assert_eq!(fields.iter().sum::<usize>(), size_of::<T>(), "padding in {}", name::<T>());
+    (name::<T>(), size_of::<T>(), align_of::<T>())
+}
+
+fn name<T: ZeroCopySend>() -> &'static str {
+    // SAFETY: the name is only compared; equal layouts across languages are what this file is for.
+    unsafe { <T as ZeroCopySend>::type_name() }
+}
+
+#[test]
+fn names_sizes_and_alignments() {
+    let words = |n: usize| vec![8; n];
+    let ids_then = |n: usize| [vec![4, 4], words(n)].concat();
+    assert_eq!(layout::<StateHeader>(&words(5)), ("clearway.v1.StateHeader", 40, 8));
+    assert_eq!(layout::<RobotIntent>(&[words(7), vec![4, 4]].concat()), ("clearway.v1.RobotIntent", 64, 8));
+    assert_eq!(
+        layout::<RobotState>(&[ids_then(8), vec![size_of::<RobotIntent>()]].concat()),
+        ("clearway.v1.RobotState", 136, 8)
+    );
+    assert_eq!(layout::<CommandHeader>(&words(6)), ("clearway.v1.CommandHeader", 48, 8));
+    assert_eq!(layout::<RobotCommand>(&ids_then(2)), ("clearway.v1.RobotCommand", 24, 8));
+    assert_eq!(layout::<ObservationHeader>(&words(3)), ("clearway.v1.ObservationHeader", 24, 8));
+    assert_eq!(layout::<RobotObservation>(&ids_then(3)), ("clearway.v1.RobotObservation", 32, 8));
+    assert_eq!(layout::<TelemetryHeader>(&words(11)), ("clearway.v1.TelemetryHeader", 88, 8));
+    assert_eq!(
+        layout::<RobotTelemetry>(&[vec![4; 8], words(15)].concat()),
+        ("clearway.v1.RobotTelemetry", 152, 8)
+    );
+}
+
+#[test]
+fn fields_that_every_reader_needs_stay_where_they_are() {
+    assert_eq!(offset_of!(StateHeader, tick), 8);
+    assert_eq!(offset_of!(RobotState, flags), 4);
+    assert_eq!(offset_of!(RobotState, x_m), 8);
+    assert_eq!(offset_of!(RobotState, v_mps), 32);
+    assert_eq!(offset_of!(CommandHeader, valid_from_ns), 32);
+    assert_eq!(offset_of!(CommandHeader, valid_until_ns), 40);
+    assert_eq!(offset_of!(RobotCommand, stop_reason), 4);
+    assert_eq!(offset_of!(RobotCommand, v_mps), 8);
+    assert_eq!(offset_of!(RobotObservation, theta_rad), 24);
+}
+
+#[test]
+fn codes_of_stop_reasons_are_fixed() {
+    let codes: Vec<(u32, &str)> =
+        StopReason::ALL.iter().map(|reason| (*reason as u32, reason.name())).collect();
+    let expected = [
+        "start",
+        "deadline",
+        "unverified",
+        "solver",
+        "crowded",
+        "no_state",
+        "operator",
+        "finished",
+        "foreign",
+    ];
+    assert_eq!(codes, (1..).zip(expected).collect::<Vec<_>>());
+    assert!(StopReason::ALL.iter().all(|reason| StopReason::from_code(*reason as u32) == Some(*reason)));
+    assert_eq!((StopReason::from_code(0), StopReason::from_code(10)), (None, None));
+}
