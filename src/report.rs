@@ -86,14 +86,14 @@ impl Report {
 }
 
 /// The kernel's name and release.
-pub(crate) fn kernel() -> String {
+pub fn kernel() -> String {
     let uname = rustix::system::uname();
     let part = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
     format!("{} {} {}", part(uname.sysname()), part(uname.release()), part(uname.version()))
 }
 
 /// The processor's name.
-pub(crate) fn cpu() -> String {
+pub fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = info.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(':'));
     let name = name.map_or(std::env::consts::ARCH, |(_, name)| name.trim());

@@ -1,6 +1,7 @@
 //! What the figures were measured on, and with what clock.
 
 use super::quantiles::Quantiles;
+use clearway::report;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -17,37 +18,16 @@ pub(crate) struct Machine {
     /// Time between two readings of the clock with nothing between them: what every figure that
     /// times a single solve contains.
     pub(crate) clock_ns: Quantiles,
-    /// Smallest time that the clock tells from 0.
-    pub(crate) clock_step_ns: f64,
 }
 
 impl Machine {
     pub(crate) fn here() -> Self {
-        let readings: Vec<f64> = (0..CLOCK_READINGS).map(|_| ns_since(Instant::now())).collect();
-        let step = readings.iter().copied().filter(|ns| *ns > 0.0).fold(f64::INFINITY, f64::min);
-        Self {
-            cpu: cpu(),
-            kernel: kernel(),
-            clock_ns: Quantiles::of(readings),
-            clock_step_ns: if step.is_finite() { step } else { 0.0 },
-        }
+        let readings = (0..CLOCK_READINGS).map(|_| ns_since(Instant::now())).collect();
+        Self { cpu: report::cpu(), kernel: report::kernel(), clock_ns: Quantiles::of(readings) }
     }
 }
 
 /// Nanoseconds since `started`.
 pub(crate) fn ns_since(started: Instant) -> f64 {
     started.elapsed().as_nanos() as f64
-}
-
-fn cpu() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = info.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(':'));
-    let name = name.map_or(std::env::consts::ARCH, |(_, name)| name.trim());
-    let count = info.lines().filter(|line| line.starts_with("processor")).count();
-    format!("{count} × {name}")
-}
-
-fn kernel() -> String {
-    let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    format!("{} {}", std::env::consts::OS, release.trim())
 }

@@ -80,9 +80,9 @@ fn timed_once(solver: &mut impl Solver, problems: &[Programme], solution: &mut S
         black_box(solver.solve(black_box(&workspace), black_box(&mut *solution)));
         ns_since(started)
     };
-    problems.iter().for_each(|p| {
-        time(p);
-    });
+    for problem in problems {
+        time(problem);
+    }
     problems.iter().map(&mut time).collect()
 }
 
@@ -170,7 +170,8 @@ impl Bench {
         let (mut with_polished, mut with_raw) = (Disagreement::default(), Disagreement::default());
         let (mut not_solved, mut iterations) = (0, 0.0);
         for programme in problems {
-            let mut solve = |solver: &mut dyn Solver, worst: &mut Disagreement| {
+            let exact = ExactSolver.solve(programme, reference) == Outcome::Solved;
+            let mut compare = |solver: &mut ClarabelSolver, worst: &mut Disagreement| {
                 let solved = solver.solve(programme, solution) == Outcome::Solved;
                 if solved {
                     let gap = Disagreement::between(programme, reference.command(), solution.command());
@@ -178,9 +179,7 @@ impl Bench {
                 }
                 solved
             };
-            let solved = ExactSolver.solve(programme, reference) == Outcome::Solved
-                && solve(raw, &mut with_raw)
-                && solve(polished, &mut with_polished);
+            let solved = exact && compare(raw, &mut with_raw) && compare(polished, &mut with_polished);
             not_solved += usize::from(!solved);
             let rows = programme.comfort.len().max(programme.safety.len());
             iterations += raw.iterations(rows).map_or(0.0, f64::from);

@@ -35,6 +35,7 @@ const SCENARIOS: &[&str] = &[
     "random-100-2@0.25",
     "random-100-1@0.1",
     "random-100-2@0.1",
+    "random-200-1@0.1",
 ];
 
 /// Time the solvers on the problems of closed-loop runs.
@@ -61,7 +62,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value = "5000")]
     samples: std::num::NonZeroUsize,
     /// Numbers of neighbours.
-    #[arg(long, value_name = "N,N,…", value_delimiter = ',', default_value = "0,1,2,3,4,5,6,7,8,10,12,15")]
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', default_value = "0,1,2,3,4,5,6,7,8,10,12")]
     neighbours: Vec<usize>,
     /// Scenarios to draw from, built-in names or files. NAME@SCALE multiplies places, radii and gap
     /// but not speeds, which brings more neighbours within reach; such problems are only used where
