@@ -34,6 +34,7 @@
 //! | the programme and its solution | [`programme`] |
 //! | the exact solver and Clarabel | [`solver`] |
 //! | the optimality conditions, checked | [`verify`] |
+//! | solutions compared with another solver's, outside of the period | [`audit`] |
 //! | all of it for the robots of one worker | [`controller`] |
 //! | clearance over continuous time, arrivals, percentiles | [`figures`] |
 //! | the closed loop under a virtual clock | [`evaluation`] |
@@ -55,6 +56,7 @@ extern crate self as clearway;
 
 pub mod actuation;
 pub mod admission;
+pub mod audit;
 pub mod certificate;
 pub mod channel;
 pub mod clock;

@@ -96,6 +96,7 @@ mod tests {
                 radius_m: 0.15,
                 start: Pose::new(0.0, 0.0, 0.0),
                 goal_m: Vec2::new(1.0, 0.0),
+                foreign_speed_mps: None,
             }],
             obstacles: vec![],
         };

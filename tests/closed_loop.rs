@@ -3,8 +3,8 @@
 use clearway::config::{Config, Profile, SolverKind};
 use clearway::controller::{Decision, RobotGroup, Timing};
 use clearway::evaluation::{self, Evaluation};
-use clearway::geometry::{Arc, Pose, min_distance_arcs};
-use clearway::model::Command;
+use clearway::geometry::{Arc, Pose, Vec2, min_distance_arcs};
+use clearway::model::{Command, RobotId, RobotSpec};
 use clearway::scenario::Scenario;
 use clearway::wire::{RobotState, StopReason};
 
@@ -150,4 +150,30 @@ fn exponential_profile_is_as_safe_and_arrives_later() {
     let soon = evaluate("swap8", Timing::Ideal, |_| {});
     assert!(late.passed() && soon.passed());
     assert!(late.figures.makespan_s > soon.figures.makespan_s, "{late:?} {soon:?}");
+}
+
+#[test]
+fn foreign_robots_take_no_commands_and_are_driven_around() {
+    let mut config = Config::new(Scenario::builtin("swap8").unwrap());
+    let foreign = RobotSpec {
+        id: RobotId(8),
+        radius_m: 0.3,
+        start: Pose::new(0.3, 0.2, 0.0),
+        goal_m: Vec2::new(0.3, 0.2),
+        foreign_speed_mps: Some(0.5),
+    };
+    config.scenario.robots.push(foreign);
+    config.scenario.check().unwrap();
+    let mut moved = false;
+    let e = evaluation::run(&config, Timing::LogicalExecutionTime, |_, fleet| {
+        moved |= fleet[8].pose() != foreign.start || fleet[8].command() != Command::STOP;
+    })
+    .unwrap();
+    assert!(!moved);
+    assert!(e.passed() && e.figures.robots == 8 && e.fallback_commands == 0, "{e:?}");
+    // At 0.5 m/s it could have come 0.04 m closer in a period: nobody went nearer than that.
+    assert!(e.figures.min_clearance_m.unwrap() >= -1e-9, "{e:?}");
+
+    let decisions = decide(&config, &evaluation::initial_fleet(&config));
+    assert_eq!(decisions[8].command.stop_reason, StopReason::Foreign as u32);
 }

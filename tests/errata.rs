@@ -195,8 +195,13 @@ fn aligned_unblocked_robot_meets_its_certificate_and_its_prediction() {
     for d in [0.7, 3.0, 9.5, 40.0] {
         let mut scenario = Scenario::builtin("head-on").unwrap();
         let start = Pose::new(0.0, 0.0, 0.0);
-        scenario.robots =
-            vec![RobotSpec { id: RobotId(0), radius_m: 0.15, start, goal_m: Vec2::new(d, 0.0) }];
+        scenario.robots = vec![RobotSpec {
+            id: RobotId(0),
+            radius_m: 0.15,
+            start,
+            goal_m: Vec2::new(d, 0.0),
+            foreign_speed_mps: None,
+        }];
         let config = Config::new(scenario);
         let decrease = Decrease::of(&config.controller);
         let predicted = decrease.settling_steps(d, 0.4, config.scenario.tolerance_m, 10_000).unwrap();

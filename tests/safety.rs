@@ -148,3 +148,26 @@ fn crowd_under_random_inputs_never_comes_too_close() {
         assert!(contacts > 100 || gamma < 1.0, "the crowd has to press: {contacts}");
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4_000))]
+
+    /// A foreign robot that moves anyhow within its bound: what is left of the gap is ours to use.
+    #[test]
+    fn foreign_robot_within_its_bound_is_never_hit(
+        (rho, gap, poses, v, omega, gamma, t) in any_pair(), bound in 0.0..3.0f64, share in -1.0..1.0f64,
+        form in prop::sample::select(vec![Form::Exact, Form::Linear]),
+    ) {
+        let offset = poses[0].position_m - poses[1].position_m;
+        let left = gap - bound * t;
+        let a = approach(form, poses[0], offset / offset.norm(), omega[0], 1.0, t);
+        // Within its reach no direction is known to lead away from it: stop.
+        let v_mps = if left < 0.0 { 0.0 } else { admitted(a, budget_m(left, gamma, 1.0), v[0]) };
+        let ours = Arc { start: poses[0], v_mps, omega_radps: omega[0] };
+        let theirs = Arc { start: poses[1], v_mps: share * bound, omega_radps: omega[1] * 3.0 };
+        let nearest = min_distance_arcs(&ours, &theirs, t).lower_m - rho;
+        let standing = min_distance_arcs(&Arc { v_mps: 0.0, ..ours }, &theirs, t).lower_m - rho;
+        let promised = if left < 0.0 { standing } else { (1.0 - gamma) * left };
+        prop_assert!(nearest >= promised - 1e-9, "{nearest} of {left}");
+    }
+}

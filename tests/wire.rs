@@ -58,9 +58,18 @@ fn fields_that_every_reader_needs_stay_where_they_are() {
 fn codes_of_stop_reasons_are_fixed() {
     let codes: Vec<(u32, &str)> =
         StopReason::ALL.iter().map(|reason| (*reason as u32, reason.name())).collect();
-    let expected =
-        ["start", "deadline", "unverified", "solver", "crowded", "no_state", "operator", "finished"];
+    let expected = [
+        "start",
+        "deadline",
+        "unverified",
+        "solver",
+        "crowded",
+        "no_state",
+        "operator",
+        "finished",
+        "foreign",
+    ];
     assert_eq!(codes, (1..).zip(expected).collect::<Vec<_>>());
     assert!(StopReason::ALL.iter().all(|reason| StopReason::from_code(*reason as u32) == Some(*reason)));
-    assert_eq!((StopReason::from_code(0), StopReason::from_code(9)), (None, None));
+    assert_eq!((StopReason::from_code(0), StopReason::from_code(10)), (None, None));
 }

@@ -14,6 +14,7 @@ fn admission() -> Admission {
         radius_m: 0.15,
         start: Pose::new(f64::from(id), 0.0, 0.0),
         goal_m: Vec2::new(0.0, 5.0),
+        foreign_speed_mps: None,
     };
     let scenario = Scenario {
         name: "two".into(),

@@ -80,6 +80,8 @@ struct Law {
     period_s: f64,
     tolerance_m: f64,
     obstacles: Vec<Obstacle>,
+    /// Speed bound of each robot of the fleet that is not ours.
+    foreign_speed_mps: Vec<Option<f64>>,
 }
 
 impl Law {
@@ -88,8 +90,11 @@ impl Law {
         let largest = fleet.iter().fold(0.0f64, |r, s| r.max(s.radius_m));
         let required = self.limits.safety_margin_m + fleet[me].radius_m + largest;
         let rate = self.control.gamma.min(self.control.comfort_gamma);
-        let untrusted = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
-        activation_m(required + untrusted, self.limits.speed_mps(), self.period_s, rate, 0.5)
+        let foreign =
+            self.foreign_speed_mps.iter().flatten().fold(0.0f64, |fastest, speed| fastest.max(*speed));
+        // What others may have moved, or may move, without keeping to their share.
+        let unknown = (rows::UNTRUSTED_PERIODS + 1.0) * self.period_s * self.limits.speed_mps().max(foreign);
+        activation_m(required + unknown, self.limits.speed_mps(), self.period_s, rate, 0.5)
     }
 }
 
@@ -153,6 +158,7 @@ impl RobotGroup {
             period_s: config.timing.period_s(),
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),
+            foreign_speed_mps: scenario.robots.iter().map(|robot| robot.foreign_speed_mps).collect(),
         };
         Ok(Self {
             owned: specs

@@ -67,8 +67,9 @@ fn told(intent: &Intent, waypoint_m: Vec2) -> RobotIntent {
     }
 }
 
-/// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal.
-fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
+/// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal, and
+/// a foreign one, of which nothing is known, to stand.
+fn seen(law: &Law, own: &RobotState, other: &RobotState, foreign: bool) -> Neighbour {
     let (position_m, goal_m) = (other.position_m(), other.goal_m());
     let (intent, target_m) = if other.intent.valid == 1 {
         let i = &other.intent;
@@ -99,7 +100,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState) -> Neighbour {
         omega_radps: other.omega_radps,
         target_m,
         required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m,
-        arrived: arrived(law, other),
+        arrived: foreign || arrived(law, other),
         intent,
     }
 }
@@ -146,7 +147,9 @@ impl RobotController {
         let own = &fleet[self.index];
         let mut telemetry =
             RobotTelemetry { id: self.id.0, clearance_m: f64::INFINITY, ..RobotTelemetry::default() };
-        let command = if own.has(state_flags::VALID) {
+        let command = if law.foreign_speed_mps[self.index].is_some() {
+            RobotCommand::stop(self.id, StopReason::Foreign)
+        } else if own.has(state_flags::VALID) {
             match self.solve(law, fleet, work, &mut telemetry) {
                 Ok(command) => RobotCommand::verified(self.id, command),
                 Err(reason) => RobotCommand::stop(self.id, reason),
@@ -252,7 +255,7 @@ impl RobotController {
         let mut neighbours = [Neighbour::default(); NEIGHBOURS_MAX];
         let mut count = 0;
         for (slot, n) in neighbours.iter_mut().zip(near) {
-            *slot = seen(law, own, &fleet[n.index]);
+            *slot = seen(law, own, &fleet[n.index], law.foreign_speed_mps[n.index].is_some());
             count += 1;
         }
         self.near_views.clear();

@@ -18,7 +18,7 @@ pub(super) struct Body {
     /// Part of the gap that this robot may use: ½ against one that does the same, 1 against what
     /// stands still.
     pub(super) share: f64,
-    /// It may be anywhere within the gap: no motion at all is known to lead away from it.
+    /// It may come from any side: no motion at all is known to lead away from it.
     pub(super) anywhere: bool,
 }
 
@@ -56,15 +56,19 @@ pub(super) fn bodies<'a>(
     let robots = near.iter().filter_map(move |n| {
         let other = &fleet[n.index];
         let trusted = other.has(state_flags::VALID);
-        let mut required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m;
-        if !trusted {
-            required_m += UNTRUSTED_PERIODS * law.period_s * law.limits.speed_mps();
-        }
-        (n.distance_m <= reach(required_m, 0.5)).then(|| Body {
+        let foreign_mps = law.foreign_speed_mps[n.index];
+        let speed_mps = foreign_mps.unwrap_or(law.limits.speed_mps());
+        // One that is not ours uses up what it can reach, and leaves the whole rest to us.
+        let share = if foreign_mps.is_some() { 1.0 } else { 0.5 };
+        let unknown =
+            if trusted { 0.0 } else { UNTRUSTED_PERIODS } + if foreign_mps.is_some() { 1.0 } else { 0.0 };
+        let required_m =
+            law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown * law.period_s * speed_mps;
+        (n.distance_m <= reach(required_m, share)).then(|| Body {
             normal: away(here - other.position_m(), n.distance_m, own.id, other.id),
             gap_m: n.distance_m - required_m,
-            share: 0.5,
-            anywhere: !trusted && n.distance_m < required_m,
+            share,
+            anywhere: unknown > 0.0 && n.distance_m < required_m,
         })
     });
     let obstacles = law.obstacles.iter().filter_map(move |obstacle| {

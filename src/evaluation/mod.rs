@@ -9,7 +9,7 @@ use crate::controller::{ControllerError, Decision, RobotGroup, Timing};
 use crate::figures::{Accumulator, ControlFigures, LatencyHistogram, LatencyNs};
 use crate::model::Command;
 use crate::programme::Programme;
-use crate::wire::{RobotState, state_flags};
+use crate::wire::{RobotState, StopReason, state_flags};
 use serde::Serialize;
 
 /// The result of one closed-loop run: one object of the command `eval`.
@@ -55,7 +55,8 @@ pub fn initial_fleet(config: &Config) -> Vec<RobotState> {
     let state = |spec: &crate::model::RobotSpec| {
         let mut state = RobotState {
             id: spec.id.0,
-            flags: state_flags::VALID,
+            flags: state_flags::VALID
+                | if spec.foreign_speed_mps.is_some() { state_flags::FOREIGN } else { 0 },
             goal_x_m: spec.goal_m.x,
             goal_y_m: spec.goal_m.y,
             radius_m: spec.radius_m,
@@ -112,7 +113,8 @@ pub fn run_watched(
             solve_ns.record(decision.telemetry.solve_ns);
             step_ns += decision.telemetry.step_ns;
             steps += 1;
-            fallback_commands += u64::from(decision.command.stop_reason != 0);
+            let stopped = ![0, StopReason::Foreign as u32].contains(&decision.command.stop_reason);
+            fallback_commands += u64::from(stopped);
         });
         if timing == Timing::Ideal {
             fleet.copy_from_slice(&next);
@@ -120,7 +122,7 @@ pub fn run_watched(
         figures.observe_period(tick, &fleet);
         each(tick, &fleet);
         let standing = |robot: &RobotState| robot.command() == Command::STOP;
-        if figures.arrived() == fleet.len() && fleet.iter().chain(&next).all(standing) {
+        if figures.all_arrived() && fleet.iter().chain(&next).all(standing) {
             break;
         }
         // The period passes under the commands in force; then the new ones take over.

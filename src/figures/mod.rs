@@ -31,7 +31,7 @@ const SLACK_ACTIVE: f64 = 1e-6;
 /// The figures of one run that do not depend on the machine's speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ControlFigures {
-    /// Robots in the fleet.
+    /// Robots of the fleet that take commands.
     pub robots: usize,
     /// Robots that were inside the tolerance at the end.
     pub arrived: usize,
@@ -69,6 +69,8 @@ struct Track {
     first_turn_s: f64,
     goal_m: Vec2,
     radius_m: f64,
+    /// Takes no commands: only the clearance to it counts.
+    foreign: bool,
     /// Time of the last entry into the tolerance, s; `None` outside.
     arrived_s: Option<f64>,
     driven_m: f64,
@@ -126,6 +128,7 @@ impl Accumulator {
             first_turn_s: first_turn_s(spec, &scenario.limits),
             goal_m: spec.goal_m,
             radius_m: spec.radius_m,
+            foreign: spec.foreign_speed_mps.is_some(),
             arrived_s: None,
             driven_m: 0.0,
             omega_radps: 0.0,
@@ -182,6 +185,9 @@ impl Accumulator {
         let a = &fleet[i];
         let arc = a.arc();
         for (j, b) in fleet.iter().enumerate().take(i) {
+            if self.tracks[i].foreign && self.tracks[j].foreign {
+                continue;
+            }
             let required = self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m;
             let apart = (a.position_m() - b.position_m()).norm() - required;
             // Neither this minimum nor a violation can come from further away than they can drive.
@@ -222,7 +228,16 @@ impl Accumulator {
 
     /// Robots inside the tolerance of their goal in the last period.
     pub fn arrived(&self) -> usize {
-        self.tracks.iter().filter(|t| t.arrived_s.is_some()).count()
+        self.ours().filter(|t| t.arrived_s.is_some()).count()
+    }
+
+    /// Whether every robot that has a goal is inside the tolerance of it.
+    pub fn all_arrived(&self) -> bool {
+        self.ours().all(|t| t.arrived_s.is_some())
+    }
+
+    fn ours(&self) -> impl Iterator<Item = &Track> {
+        self.tracks.iter().filter(|t| !t.foreign)
     }
 
     /// Pairs that came closer than they may so far.
@@ -237,7 +252,7 @@ impl Accumulator {
 
     /// The figures so far.
     pub fn finish(&self) -> ControlFigures {
-        let arrivals = || self.tracks.iter().filter_map(|t| t.arrived_s.map(|s| (t, s)));
+        let arrivals = || self.ours().filter_map(|t| t.arrived_s.map(|s| (t, s)));
         let mean = |values: &mut dyn Iterator<Item = f64>| {
             let (sum, count) = values.fold((0.0, 0u32), |(sum, count), x| (sum + x, count + 1));
             (count > 0).then(|| sum / f64::from(count))
@@ -245,22 +260,21 @@ impl Accumulator {
         let straight = |t: &Track| (t.goal_m - t.start_m).norm();
         let moved = || arrivals().filter(|(t, _)| straight(t) > self.tolerance_m);
         let v_max = self.limits.v_max_mps;
-        let all = self.arrived() == self.tracks.len();
         ControlFigures {
-            robots: self.tracks.len(),
+            robots: self.ours().count(),
             arrived: self.arrived(),
-            stalled: self.tracks.iter().filter(|t| t.stalled).count(),
+            stalled: self.ours().filter(|t| t.stalled).count(),
             violations: self.violations,
             min_clearance_m: self.min_clearance_m.is_finite().then_some(self.min_clearance_m),
             steps: self.steps,
-            makespan_s: all.then(|| arrivals().map(|(_, s)| s).fold(0.0, f64::max)),
+            makespan_s: self.all_arrived().then(|| arrivals().map(|(_, s)| s).fold(0.0, f64::max)),
             mean_arrival_s: mean(&mut arrivals().map(|(_, s)| s)),
             arrival_ratio: mean(&mut moved().map(|(t, s)| s * v_max / straight(t))),
             arrival_ratio_after_turn: mean(
                 &mut moved().map(|(t, s)| (s - t.first_turn_s).max(0.0) * v_max / straight(t)),
             ),
             path_ratio: mean(&mut moved().map(|(t, _)| t.driven_m / straight(t))),
-            omega_variation_rad: mean(&mut self.tracks.iter().map(|t| t.omega_variation)).unwrap_or(0.0),
+            omega_variation_rad: mean(&mut self.ours().map(|t| t.omega_variation)).unwrap_or(0.0),
             slack_active_fraction: if self.solved == 0 {
                 0.0
             } else {

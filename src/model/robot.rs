@@ -19,6 +19,9 @@ pub struct RobotSpec {
     pub radius_m: f64,
     /// Pose at the start.
     pub start: Pose,
-    /// Where it is to arrive, m.
+    /// Where it is to arrive, m; for a foreign robot where it stands at the start.
     pub goal_m: Vec2,
+    /// `None`: one of ours. Otherwise it is only observed, takes no commands, and moves at most this
+    /// fast, m/s.
+    pub foreign_speed_mps: Option<f64>,
 }

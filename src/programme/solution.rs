@@ -1,3 +1,5 @@
+use crate::model::Command;
+
 /// Primal and dual solution of a [`Programme`](super::Programme).
 ///
 /// The multipliers of δ ≥ 0 are w − λ of the row that the slack belongs to.
@@ -36,6 +38,11 @@ impl Solution {
             dual_safety: Vec::with_capacity(capacity),
             ..Self::default()
         }
+    }
+
+    /// The input u = (v, ω).
+    pub fn command(&self) -> Command {
+        Command { v_mps: self.v_mps, omega_radps: self.omega_radps }
     }
 
     /// Zeroes everything and sets the lengths; keeps the memory.

@@ -8,7 +8,6 @@ use crate::wire::RobotTelemetry;
 
 /// The workers' records of the last periods, put together by tick.
 pub(super) struct Answers {
-    pub(super) robots: usize,
     ring: Vec<Answer>,
     pub(super) watchdog: Watchdog,
 }
@@ -28,7 +27,7 @@ impl Answers {
     pub(super) fn new(robots: usize, workers: usize, periods: usize) -> Self {
         let empty =
             Answer { tick: None, known: 0, staged_ns: 0, robots: vec![RobotTelemetry::default(); robots] };
-        Self { robots, ring: vec![empty; periods.max(1)], watchdog: Watchdog::new(workers) }
+        Self { ring: vec![empty; periods.max(1)], watchdog: Watchdog::new(workers) }
     }
 
     fn slot(&self, tick: u64) -> usize {

@@ -161,6 +161,7 @@ impl<C: Clock> ControlLoop<C> {
             *intent = staged.map_or_else(RobotIntent::default, |(_, intent)| intent);
             let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
             *command = match staged {
+                _ if state.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
                 _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
                 None => stop(StopReason::Deadline),
                 Some((staged, _)) if staged.stop_reason != 0 => {

@@ -88,7 +88,7 @@ impl Housekeeper {
                         .period_over(period.header.tick, |change| tell(period.header.tick, change));
                     let header = statistics.add_period(period, answers.get(period.header.tick));
                     accumulator.observe_period(period.header.tick, &period.states);
-                    *settled = accumulator.arrived() == answers.robots && stands(period);
+                    *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);
                 })
                 .is_some();

@@ -114,6 +114,9 @@ impl Statistics {
         let mut missing = Missing { stops: 0, late: false };
         for command in period.commands.iter().filter(|command| command.stop_reason != 0) {
             let reason = StopReason::from_code(command.stop_reason);
+            if reason == Some(StopReason::Foreign) {
+                continue;
+            }
             *self.stops.entry(reason.map_or("unknown", StopReason::name)).or_default() += 1;
             missing.stops += 1;
             missing.late |= reason == Some(StopReason::Deadline);

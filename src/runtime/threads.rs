@@ -17,7 +17,7 @@ use crate::realtime::{Role, ThreadGrant, enter};
 use crate::schedule::Schedule;
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{RobotState, StopReason};
+use crate::wire::{RobotState, StopReason, state_flags};
 
 /// Periods between the go and period 0, so that every thread is asleep when it starts.
 const LEAD_PERIODS: u64 = 2;
@@ -65,6 +65,7 @@ impl Common {
                 goal_x_m: robot.goal_m.x,
                 goal_y_m: robot.goal_m.y,
                 radius_m: robot.radius_m,
+                flags: if robot.foreign_speed_mps.is_some() { state_flags::FOREIGN } else { 0 },
                 ..RobotState::default()
             };
             state.set_pose(robot.start);

@@ -125,6 +125,12 @@ impl Check<'_> {
             self.point(Part::Start(i), robot.start.position_m);
             self.number(Part::Start(i), "theta_rad ", robot.start.theta_rad, -PI..=PI);
             self.point(Part::Goal(i), robot.goal_m);
+            self.number(
+                Part::Start(i),
+                "foreign_speed_mps ",
+                robot.foreign_speed_mps.unwrap_or(0.0),
+                0.0..=RATE_MAX,
+            );
         }
         for (i, obstacle) in s.obstacles.iter().enumerate() {
             if self.full() {

@@ -119,8 +119,18 @@ fn robot(mut section: Section<'_>) -> Option<(RobotSpec, RobotPlaces)> {
         }
         Some((point(start)?, theta.map(|theta| theta.value)))
     });
+    let foreign = section.number("foreign_speed_mps");
     let goal = section.section_if_there("goal");
-    let goal = section.require("goal", goal, "goal = { x_m = 0.0, y_m = 0.0 }").and_then(point);
+    let goal = match (&foreign, &start, goal) {
+        // Nobody tells a foreign robot where to go.
+        (Some(_), Some((start, _)), None) => Some(Found { value: start.value, place: start.place.clone() }),
+        (Some(_), _, Some(goal)) => {
+            let help = "leave out the goal, or leave out foreign_speed_mps if the robot takes commands";
+            section.refuse("goal", goal.place(), "a foreign robot takes no commands and has no goal", help);
+            None
+        }
+        (_, _, goal) => section.require("goal", goal, "goal = { x_m = 0.0, y_m = 0.0 }").and_then(point),
+    };
     section.finish();
 
     let (id, radius, (start, theta), goal) = (id?, radius?, start?, goal?);
@@ -130,6 +140,7 @@ fn robot(mut section: Section<'_>) -> Option<(RobotSpec, RobotPlaces)> {
         radius_m: radius.value,
         start: Pose::new(from.x, from.y, theta.unwrap_or_else(|| heading_toward(from, to))),
         goal_m: to,
+        foreign_speed_mps: foreign.map(|speed| speed.value),
     };
     let places =
         RobotPlaces { path, id: id.place, radius: radius.place, start: start.place, goal: goal.place };

@@ -25,7 +25,10 @@ fn write_toml(s: &Scenario, out: &mut String) -> fmt::Result {
         let (p, theta) = (r.start.position_m, r.start.theta_rad);
         writeln!(out, "\n[[robot]]\nid = {}\nradius_m = {:?}", r.id, r.radius_m)?;
         writeln!(out, "start = {{ x_m = {:?}, y_m = {:?}, theta_rad = {theta:?} }}", p.x, p.y)?;
-        writeln!(out, "goal = {{ x_m = {:?}, y_m = {:?} }}", r.goal_m.x, r.goal_m.y)?;
+        match r.foreign_speed_mps {
+            None => writeln!(out, "goal = {{ x_m = {:?}, y_m = {:?} }}", r.goal_m.x, r.goal_m.y)?,
+            Some(speed) => writeln!(out, "foreign_speed_mps = {speed:?}")?,
+        }
     }
     for obstacle in &s.obstacles {
         writeln!(out, "\n[[obstacle]]")?;
@@ -71,8 +74,7 @@ mod tests {
                 id: RobotId(u32::MAX),
                 radius_m: radius,
                 start: Pose::new(x, y, theta),
-                goal_m: Vector2::new(y, x),
-            };
+                goal_m: Vector2::new(y, x), foreign_speed_mps: None };
             let scenario = Scenario {
                 name,
                 tolerance_m: 0.1,

@@ -5,6 +5,10 @@
 //! [`Programme`]. The controller checks the safety rows a second time against the bodies themselves,
 //! with the exact motion of the command that is about to go out. Nothing here allocates.
 
+mod disagreement;
+
+pub use disagreement::Disagreement;
+
 use crate::programme::{Certificate, Interval, Programme, Solution};
 
 /// Largest relative violation of each optimality condition. All are 0 at an exact solution.

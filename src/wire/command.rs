@@ -75,11 +75,13 @@ pub enum StopReason {
     Operator = 7,
     /// The run is over.
     Finished = 8,
+    /// The robot is a foreign one: it is observed and takes no commands.
+    Foreign = 9,
 }
 
 impl StopReason {
     /// Every reason, in the order of the codes.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Start,
         Self::Deadline,
         Self::Unverified,
@@ -88,6 +90,7 @@ impl StopReason {
         Self::NoState,
         Self::Operator,
         Self::Finished,
+        Self::Foreign,
     ];
 
     /// The reason behind a code on the wire; `None` for 0 and for codes of later versions.
@@ -106,6 +109,7 @@ impl StopReason {
             Self::NoState => "no_state",
             Self::Operator => "operator",
             Self::Finished => "finished",
+            Self::Foreign => "foreign",
         }
     }
 }

@@ -9,6 +9,8 @@ pub mod state_flags {
     pub const VALID: u32 = 1;
     /// The robot is inside the tolerance of its goal.
     pub const ARRIVED: u32 = 1 << 1;
+    /// The robot is a foreign one: it is observed, takes no commands and has no goal.
+    pub const FOREIGN: u32 = 1 << 2;
 }
 
 /// Header of a sample on `state`.

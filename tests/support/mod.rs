@@ -59,6 +59,7 @@ pub fn lanes(robots: u32, length_m: f64) -> Scenario {
         radius_m: 0.15,
         start: Pose::new(0.0, f64::from(id), 0.0),
         goal_m: Vec2::new(length_m, f64::from(id)),
+        foreign_speed_mps: None,
     };
     Scenario {
         name: "lanes".into(),

@@ -29,6 +29,7 @@ impl Fleet {
             radius_m: RADIUS_M,
             start: Pose { position_m: start_m, theta_rad: heading_toward(start_m, goal_m) },
             goal_m,
+            foreign_speed_mps: None,
         });
     }
 

@@ -5,6 +5,7 @@ use crate::bench::machine::ns_since;
 use crate::bench::quantiles::Quantiles;
 use clearway::programme::{Programme, Solution};
 use clearway::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
+use clearway::verify::Disagreement;
 use miette::{IntoDiagnostic, Result, WrapErr};
 use serde::Serialize;
 use std::hint::black_box;
@@ -63,14 +64,6 @@ pub(super) struct Bench {
     raw: ClarabelSolver,
     solution: Solution,
     reference: Solution,
-}
-
-/// Objective and input disagreement of `other` with `reference`.
-fn disagreement(programme: &Programme, reference: &Solution, other: &Solution) -> (f64, f64) {
-    let value = |s: &Solution| programme.objective(s.v_mps, s.omega_radps);
-    let (a, b) = (value(reference), value(other));
-    let input = (reference.v_mps - other.v_mps).abs().max((reference.omega_radps - other.omega_radps).abs());
-    ((a - b).abs() / (1.0 + a.abs()), input)
 }
 
 /// Every problem once, each solve between two readings of the clock, after a pass that does not count.
@@ -171,28 +164,34 @@ impl Bench {
         Ok(times)
     }
 
+    /// The largest disagreements and Clarabel's mean number of iterations.
     fn compare(&mut self, problems: &[Programme]) -> (Gaps, f64) {
-        let mut gaps = Gaps::default();
-        let mut iterations = 0.0;
+        let Self { polished, raw, solution, reference } = self;
+        let (mut with_polished, mut with_raw) = (Disagreement::default(), Disagreement::default());
+        let (mut not_solved, mut iterations) = (0, 0.0);
         for programme in problems {
-            let Self { polished, raw, solution, reference } = self;
-            if ExactSolver.solve(programme, reference) != Outcome::Solved
-                || raw.solve(programme, solution) != Outcome::Solved
-            {
-                gaps.not_solved += 1;
-                continue;
-            }
+            let mut solve = |solver: &mut dyn Solver, worst: &mut Disagreement| {
+                let solved = solver.solve(programme, solution) == Outcome::Solved;
+                if solved {
+                    let gap = Disagreement::between(programme, reference.command(), solution.command());
+                    *worst = worst.max(gap);
+                }
+                solved
+            };
+            let solved = ExactSolver.solve(programme, reference) == Outcome::Solved
+                && solve(raw, &mut with_raw)
+                && solve(polished, &mut with_polished);
+            not_solved += usize::from(!solved);
             let rows = programme.comfort.len().max(programme.safety.len());
             iterations += raw.iterations(rows).map_or(0.0, f64::from);
-            let (objective, input) = disagreement(programme, reference, solution);
-            gaps.raw_max_objective_gap_rel = gaps.raw_max_objective_gap_rel.max(objective);
-            gaps.raw_max_input_gap = gaps.raw_max_input_gap.max(input);
-            if polished.solve(programme, solution) == Outcome::Solved {
-                let (objective, input) = disagreement(programme, reference, solution);
-                gaps.max_objective_gap_rel = gaps.max_objective_gap_rel.max(objective);
-                gaps.max_input_gap = gaps.max_input_gap.max(input);
-            }
         }
+        let gaps = Gaps {
+            max_objective_gap_rel: with_polished.objective_rel,
+            max_input_gap: with_polished.input,
+            raw_max_objective_gap_rel: with_raw.objective_rel,
+            raw_max_input_gap: with_raw.input,
+            not_solved,
+        };
         (gaps, iterations / problems.len().max(1) as f64)
     }
 }
