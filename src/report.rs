@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::admission::Rejections;
+use crate::audit::AuditReport;
 use crate::figures::{ControlFigures, LatencyNs};
 use crate::realtime::Achieved;
 
@@ -61,6 +62,8 @@ pub struct Report {
     pub realtime: Achieved,
     /// Observations refused, by reason.
     pub rejected_inputs: Rejections,
+    /// What the shadow audit found; null when there was none.
+    pub audit: Option<AuditReport>,
     /// Times that a worker panicked and was built anew.
     pub worker_panics: u64,
     /// Workers that did not come home at the end of the run.

@@ -34,7 +34,7 @@ fn names_sizes_and_alignments() {
     assert_eq!(layout::<RobotCommand>(&ids_then(2)), ("clearway.v1.RobotCommand", 24, 8));
     assert_eq!(layout::<ObservationHeader>(&words(3)), ("clearway.v1.ObservationHeader", 24, 8));
     assert_eq!(layout::<RobotObservation>(&ids_then(3)), ("clearway.v1.RobotObservation", 32, 8));
-    assert_eq!(layout::<TelemetryHeader>(&words(11)), ("clearway.v1.TelemetryHeader", 88, 8));
+    assert_eq!(layout::<TelemetryHeader>(&words(14)), ("clearway.v1.TelemetryHeader", 112, 8));
     assert_eq!(
         layout::<RobotTelemetry>(&[vec![4; 8], words(15)].concat()),
         ("clearway.v1.RobotTelemetry", 152, 8)

@@ -198,6 +198,7 @@ fn source(mut s: Section<'_>) -> Source {
 fn telemetry(mut s: Section<'_>) -> TelemetryConfig {
     let mut t = TelemetryConfig::default();
     s.set_integer("queue_periods", &mut t.queue_periods, 1..=65_536);
+    s.set_integer("audit_every", &mut t.audit_every, 0..=1_000_000);
     s.finish();
     t
 }

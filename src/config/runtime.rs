@@ -111,10 +111,13 @@ impl Default for SourceConfig {
 pub struct TelemetryConfig {
     /// Periods that the queue to the housekeeping thread can hold; what does not fit is counted.
     pub queue_periods: usize,
+    /// One solve of each worker in this many is solved again by Clarabel, outside of the real-time
+    /// threads; 0: none.
+    pub audit_every: u32,
 }
 
 impl Default for TelemetryConfig {
     fn default() -> Self {
-        Self { queue_periods: 64 }
+        Self { queue_periods: 64, audit_every: 64 }
     }
 }

@@ -15,6 +15,7 @@ pub mod printed;
 mod robot;
 mod rows;
 
+use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;
 use crate::config::{Config, ControllerConfig, SolverKind};
 use crate::guidance;
@@ -71,6 +72,11 @@ pub enum ControllerError {
     },
 }
 
+/// Rows of each kind that one robot's programme can have: each body one for each direction of travel.
+pub fn rows_max(control: &ControllerConfig) -> usize {
+    2 * control.max_neighbours
+}
+
 /// Everything that is the same for all robots of a fleet.
 #[derive(Debug, Clone)]
 struct Law {
@@ -119,6 +125,7 @@ struct Workspace {
     programme: Programme,
     solution: Solution,
     solver: AnySolver,
+    recorder: Option<Recorder>,
 }
 
 /// The robots that one worker owns, with their guidance memory and the worker's solver.
@@ -130,6 +137,13 @@ pub struct RobotGroup {
 }
 
 impl RobotGroup {
+    /// Shows every verified solution to the shadow audit as well.
+    #[must_use]
+    pub fn audited_by(mut self, recorder: Recorder) -> Self {
+        self.workspace.recorder = Some(recorder);
+        self
+    }
+
     /// Builds the controllers of `config.scenario.robots[owned]`.
     ///
     /// # Errors
@@ -141,8 +155,7 @@ impl RobotGroup {
             return Err(ControllerError::NoSuchRobot { first: owned.start, end: owned.end, robots });
         };
         let control = config.controller;
-        // Each body can have one row for each direction of travel.
-        let rows = 2 * control.max_neighbours;
+        let rows = rows_max(&control);
         let solver = match control.solver {
             SolverKind::Exact => AnySolver::Exact(ExactSolver),
             SolverKind::Clarabel => {
@@ -173,6 +186,7 @@ impl RobotGroup {
                 programme: Programme::with_capacity(control.weights, rows),
                 solution: Solution::with_capacity(rows),
                 solver,
+                recorder: None,
             },
         })
     }

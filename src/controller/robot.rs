@@ -233,6 +233,9 @@ impl RobotController {
             return Err(StopReason::Unverified);
         }
         telemetry.status = SolveStatus::Verified as u32;
+        if let Some(recorder) = &mut work.recorder {
+            recorder.offer(programme, solution);
+        }
         Ok(command)
     }
 

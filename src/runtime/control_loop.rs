@@ -110,6 +110,7 @@ impl<C: Clock> ControlLoop<C> {
             skipped_periods,
             fallback_commands: 0,
             lost_records: self.records.lost(),
+            ..TelemetryHeader::default()
         };
         self.record(&header, on_time);
     }

@@ -14,13 +14,15 @@ use super::progress::Progress;
 use super::starting::{EndOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
 use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
+use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
-use crate::config::Config;
-use crate::controller::RobotGroup;
+use crate::config::{Config, SolverKind};
+use crate::controller::{ControllerError, RobotGroup, rows_max};
 use crate::figures::Accumulator;
 use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
 use crate::report::{self, Report};
+use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::StopReason;
 
@@ -29,6 +31,21 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Readers that a channel has room for besides the workers, at least.
 const READERS_BESIDE_WORKERS: usize = 8;
+
+/// Solutions that wait for the audit at most.
+const AUDIT_SLOTS: usize = 64;
+
+/// The two sides of the shadow audit; `None` when it is off, or when Clarabel is the solver itself.
+fn shadow_audit(config: &Config) -> Result<Option<(Recorder, Auditor<ClarabelSolver>)>, DaemonError> {
+    let every = config.telemetry.audit_every;
+    if every == 0 || config.controller.solver == SolverKind::Clarabel {
+        return Ok(None);
+    }
+    let rows = rows_max(&config.controller);
+    let solver = ClarabelSolver::new(rows)
+        .map_err(|e| DaemonError::Controller { worker: "the audit".to_owned(), reason: e.to_string() })?;
+    Ok(Some(audit::start(solver, rows, AUDIT_SLOTS, every)))
+}
 
 /// A running daemon. Dropping it ends the run and waits for its threads, but not for ever.
 #[derive(Debug)]
@@ -49,7 +66,17 @@ impl Daemon {
     /// Those of [`Daemon::start_with`].
     pub fn start(config: Config, until: Until) -> Result<Self, DaemonError> {
         let for_workers = config.clone();
-        Self::start_with(config, until, move |owned| RobotGroup::new(&for_workers, owned))
+        let (recorder, auditor) = match shadow_audit(&config)? {
+            Some((recorder, auditor)) => (Some(recorder), Some(auditor)),
+            None => (None, None),
+        };
+        Self::start_audited(config, until, auditor, move |owned| {
+            let group = RobotGroup::new(&for_workers, owned)?;
+            Ok::<_, ControllerError>(match &recorder {
+                Some(recorder) => group.audited_by(recorder.clone()),
+                None => group,
+            })
+        })
     }
 
     /// Starts the fleet of `config` with controllers that `make` builds, one for each worker's
@@ -59,6 +86,20 @@ impl Daemon {
     /// [`DaemonError`]: the fleet has another owner, a real-time call was refused under `require`,
     /// a channel, a controller or a thread could not be made. Nothing is left running.
     pub fn start_with<D, E, F>(config: Config, until: Until, make: F) -> Result<Self, DaemonError>
+    where
+        D: Decider,
+        E: std::fmt::Display,
+        F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
+    {
+        Self::start_audited(config, until, None, make)
+    }
+
+    fn start_audited<D, E, F>(
+        config: Config,
+        until: Until,
+        auditor: Option<Auditor<ClarabelSolver>>,
+        make: F,
+    ) -> Result<Self, DaemonError>
     where
         D: Decider,
         E: std::fmt::Display,
@@ -93,7 +134,7 @@ impl Daemon {
             workers: Vec::new(),
             housekeeping: None,
         };
-        daemon.spawn_all(&common, until, &placement, make)?;
+        daemon.spawn_all(&common, until, &placement, auditor, make)?;
         Ok(daemon)
     }
 
@@ -102,6 +143,7 @@ impl Daemon {
         common: &Common,
         until: Until,
         placement: &Placement,
+        auditor: Option<Auditor<ClarabelSolver>>,
         make: F,
     ) -> Result<(), DaemonError>
     where
@@ -148,7 +190,7 @@ impl Daemon {
         if !self.realtime.satisfies(config.realtime.policy) {
             return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
         }
-        self.spawn_housekeeping(common, until, periods, solves, capacity)?;
+        self.spawn_housekeeping(common, until, periods, solves, auditor)?;
         let handles = self.workers.iter().map(|worker| worker.thread().clone()).collect();
         go.send(handles).map_err(|_| DaemonError::Panicked { thread: "loop" })
     }
@@ -159,8 +201,9 @@ impl Daemon {
         until: Until,
         periods: Arc<Pool<PeriodRecord>>,
         solves: Vec<Arc<Pool<SolveRecord>>>,
-        capacity: usize,
+        auditor: Option<Auditor<ClarabelSolver>>,
     ) -> Result<(), DaemonError> {
+        let capacity = record_capacity(&self.config);
         let (common, progress) = (common.clone(), Arc::clone(&self.progress));
         let (ready, readiness) = sync_channel(1);
         let thread = spawn("clearway-house", move || {
@@ -195,6 +238,7 @@ impl Daemon {
                 settled: false,
                 forecast: Forecast::new(config),
                 poll: poll_interval(config),
+                auditor,
             };
             Some(housekeeper.run())
         })?;
@@ -247,7 +291,7 @@ impl Daemon {
     }
 
     fn report(&self, findings: Findings, reason: StopReason, workers: usize, workers_hung: usize) -> Report {
-        let Findings { accumulator, statistics } = findings;
+        let Findings { accumulator, statistics, audit } = findings;
         let config = &self.config;
         Report {
             scenario: config.scenario.name.clone(),
@@ -272,6 +316,7 @@ impl Daemon {
             step_ns: statistics.step.summary(),
             realtime: self.realtime.clone(),
             rejected_inputs: statistics.rejections,
+            audit,
             worker_panics: statistics.worker_panics,
             workers_hung,
             lost_records: statistics.lost_records,

@@ -8,16 +8,21 @@ use super::board::{Board, Released};
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::watchdog::Change;
+use crate::audit::{AuditReport, Auditor};
 use crate::certificate::Decrease;
 use crate::channel::{Attachment, Writer};
 use crate::config::Config;
 use crate::figures::Accumulator;
 use crate::model::Command;
+use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{RobotTelemetry, StopReason, TelemetryHeader};
 
 /// How often dead processes are cleaned up and changes are logged.
 const CHORES_EVERY: Duration = Duration::from_secs(1);
+
+/// Solutions that the audit looks at in one round: a few hundred microseconds of Clarabel.
+const AUDITS_A_ROUND: usize = 8;
 
 /// Steps that a forecast looks ahead; what takes longer is `u32::MAX`.
 const SETTLING_STEPS_MAX: u32 = 250;
@@ -39,12 +44,14 @@ pub(super) struct Housekeeper {
     pub(super) settled: bool,
     pub(super) forecast: Forecast,
     pub(super) poll: Duration,
+    pub(super) auditor: Option<Auditor<ClarabelSolver>>,
 }
 
 /// What housekeeping knows at the end.
 pub(super) struct Findings {
     pub(super) accumulator: Accumulator,
     pub(super) statistics: Statistics,
+    pub(super) audit: Option<AuditReport>,
 }
 
 impl Housekeeper {
@@ -56,6 +63,9 @@ impl Housekeeper {
             // Looked at first: what was left before the end is then read below.
             let over = self.board.released(None) == Released::Over;
             self.drain();
+            if let Some(auditor) = &mut self.auditor {
+                auditor.audit(if over { usize::MAX } else { AUDITS_A_ROUND });
+            }
             self.statistics.lost_records = self.lost();
             self.show(started);
             if self.until == Until::Arrived && self.settled {
@@ -64,7 +74,8 @@ impl Housekeeper {
             if over {
                 self.statistics.log_changes(self.telemetry.discarded(), &self.board);
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
-                return Findings { accumulator: self.accumulator, statistics: self.statistics };
+                let audit = self.auditor.as_ref().map(Auditor::report);
+                return Findings { accumulator: self.accumulator, statistics: self.statistics, audit };
             }
             if Instant::now() >= chores_due {
                 chores_due += CHORES_EVERY;
@@ -75,8 +86,19 @@ impl Housekeeper {
     }
 
     fn drain(&mut self) {
-        let Self { periods, solves, accumulator, answers, statistics, telemetry, settled, forecast, .. } =
-            self;
+        let Self {
+            periods,
+            solves,
+            accumulator,
+            answers,
+            statistics,
+            telemetry,
+            settled,
+            forecast,
+            auditor,
+            ..
+        } = self;
+        let audit = auditor.as_ref().map(Auditor::report).unwrap_or_default();
         let mut more = true;
         while more {
             more = periods
@@ -86,7 +108,12 @@ impl Housekeeper {
                     answers
                         .watchdog
                         .period_over(period.header.tick, |change| tell(period.header.tick, change));
-                    let header = statistics.add_period(period, answers.get(period.header.tick));
+                    let header = TelemetryHeader {
+                        audited: audit.audited,
+                        audit_disagreed: audit.disagreed,
+                        audit_max_input_gap: audit.max_input_gap,
+                        ..statistics.add_period(period, answers.get(period.header.tick))
+                    };
                     accumulator.observe_period(period.header.tick, &period.states);
                     *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);

@@ -12,7 +12,7 @@ pub mod telemetry_flags {
 
 /// Header of a sample on `telemetry`: one period of the loop.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("clearway.v1.TelemetryHeader")]
 pub struct TelemetryHeader {
     /// Which run of the daemon.
@@ -37,6 +37,12 @@ pub struct TelemetryHeader {
     pub fallback_commands: u64,
     /// Records lost before this one because the queue to the housekeeping thread was full.
     pub lost_records: u64,
+    /// Solutions that the shadow audit has compared so far.
+    pub audited: u64,
+    /// Of these, the ones that disagreed.
+    pub audit_disagreed: u64,
+    /// Largest difference of the inputs that the audit has seen, m/s or rad/s.
+    pub audit_max_input_gap: f64,
 }
 
 /// One robot in a sample on `telemetry`.

@@ -42,8 +42,15 @@ pub(crate) fn table(report: &Report) -> String {
             if realtime.memory_locked { "locked" } else { "not locked" },
         ),
     ));
+    if let Some(audit) = report.audit.filter(|audit| audit.audited > 0) {
+        rows.push((
+            "shadow audit",
+            format!("{} re-solved, largest gap {:.1e}", audit.audited, audit.max_input_gap),
+        ));
+    }
     let trouble = [
         (report.rejected_inputs.total(), "observations refused"),
+        (report.audit.map_or(0, |a| a.disagreed + a.not_solved), "audit disagreements"),
         (report.lost_records, "records lost"),
         (report.send_failures, "sends that failed"),
         (report.worker_panics, "worker panics"),
