@@ -68,9 +68,40 @@ impl StateSource for Plant {
     }
 }
 
+/// Samples in a row with the same pose, of a robot that is told to drive, before it counts as frozen.
+const FROZEN_AFTER: u32 = 10;
+/// What a robot must have been told to move between two samples for that, m.
+const FROZEN_MOTION_M: f64 = 1e-3;
+
+/// One robot's last sample, and how often it came again while the robot was told to drive.
+#[derive(Debug, Clone, Copy, Default)]
+struct Stillness {
+    last: Option<(Pose, u64)>,
+    again: u32,
+}
+
+impl Stillness {
+    /// Takes the newest sample and where the robot should be by then; whether it has just frozen.
+    fn add(&mut self, pose: Pose, stamp_ns: u64, expected: impl FnOnce(Pose, u64) -> Pose) -> bool {
+        let Some((last, last_ns)) = self.last.replace((pose, stamp_ns)) else { return false };
+        if stamp_ns == last_ns {
+            return false;
+        }
+        let told_m = (expected(last, last_ns).position_m - last.position_m).norm();
+        if pose != last {
+            self.again = 0;
+        } else if told_m >= FROZEN_MOTION_M {
+            self.again = self.again.saturating_add(1);
+        }
+        pose == last && told_m >= FROZEN_MOTION_M && self.again == FROZEN_AFTER
+    }
+}
+
 /// States from other processes.
 #[derive(Debug)]
 pub struct Observed {
+    stillness: Vec<Stillness>,
+    frozen_robots: u64,
     reader: ObservationReader,
     admission: Admission,
     held: Held,
@@ -86,6 +117,8 @@ impl Observed {
         period_ns: u64,
     ) -> Self {
         Self {
+            stillness: vec![Stillness::default(); scenario.robots.len()],
+            frozen_robots: 0,
             reader,
             admission: Admission::new(scenario, config, period_ns),
             held: Held::new(scenario.robots.len()),
@@ -110,6 +143,8 @@ impl StateSource for Observed {
         for (index, state) in states.iter_mut().enumerate() {
             match self.admission.pose(index, instant.now_ns) {
                 Some((pose, stamp_ns)) => {
+                    let told = |from, from_ns| self.held.carry(index, from, from_ns, stamp_ns);
+                    self.frozen_robots += u64::from(self.stillness[index].add(pose, stamp_ns, told));
                     set_pose(state, self.held.carry(index, pose, stamp_ns, instant.release_ns), true);
                 }
                 None => {
@@ -126,7 +161,9 @@ impl StateSource for Observed {
     }
 
     fn rejections(&self) -> Rejections {
-        *self.admission.rejections()
+        let mut rejections = *self.admission.rejections();
+        rejections.frozen_robots = self.frozen_robots;
+        rejections
     }
 }
 
@@ -210,6 +247,23 @@ mod tests {
         // Before the first and after the last command the robot stands.
         close(x(0, 200), 11.0);
         close(x(450, 10_000), 12.0);
+    }
+
+    #[test]
+    fn a_pose_that_stays_although_the_robot_is_told_to_drive_is_an_alarm() {
+        let ahead = |from: Pose, _| Pose::new(from.position_m.x + 0.1, 0.0, 0.0);
+        let still = |from: Pose, _| from;
+        let pose = Pose::new(1.0, 0.0, 0.0);
+        let mut s = Stillness::default();
+        // Nobody told it to move, or nothing new was said.
+        assert!((0..50).all(|n| !s.add(pose, n, still)));
+        assert!((0..50).all(|_| !s.add(pose, 49, ahead)));
+        // One alarm, in the tenth sample.
+        let alarms: Vec<u64> = (50..80).filter(|n| s.add(pose, *n, ahead)).collect();
+        assert_eq!(alarms, [59]);
+        // It moves again, and may freeze again.
+        assert!(!s.add(Pose::new(1.1, 0.0, 0.0), 80, ahead));
+        assert_eq!((81..100).filter(|n| s.add(pose, *n, ahead)).count(), 1);
     }
 
     #[test]

@@ -76,6 +76,9 @@ pub struct Rejections {
     counts: [u64; Rejection::ALL.len()],
     /// Samples that a writer numbered and that never arrived: not refused, only missed.
     pub skipped_samples: u64,
+    /// Times that a robot's pose stopped changing although it was told to drive and its samples went
+    /// on: not refused, but a reason to look at the robot and its localisation.
+    pub frozen_robots: u64,
 }
 
 impl Rejections {
@@ -101,11 +104,12 @@ impl Rejections {
 
 impl Serialize for Rejections {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(Rejection::ALL.len() + 1))?;
+        let mut map = serializer.serialize_map(Some(Rejection::ALL.len() + 2))?;
         for (reason, count) in self.iter() {
             map.serialize_entry(reason.name(), &count)?;
         }
         map.serialize_entry("skipped_samples", &self.skipped_samples)?;
+        map.serialize_entry("frozen_robots", &self.frozen_robots)?;
         map.end()
     }
 }

@@ -5,10 +5,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::Until;
+use super::answers::Answers;
 use super::board::Board;
 use super::decider::Decider;
 use super::error::DaemonError;
-use super::housekeeping::{Answers, Findings, Forecast, Housekeeper};
+use super::housekeeping::{Findings, Forecast, Housekeeper};
 use super::progress::Progress;
 use super::starting::{EndOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
@@ -222,6 +223,7 @@ impl Daemon {
                 }
             };
             let _ = ready.send(Ok(()));
+            let answers = Answers::new(robots, solves.len(), capacity + 2);
             let housekeeper = Housekeeper {
                 node,
                 telemetry,
@@ -229,7 +231,7 @@ impl Daemon {
                 solves,
                 board: Arc::clone(&common.board),
                 accumulator: Accumulator::new(&config.scenario, period_s),
-                answers: Answers::new(robots, capacity + 2),
+                answers,
                 statistics,
                 progress,
                 until,

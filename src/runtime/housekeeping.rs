@@ -3,9 +3,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::Until;
+use super::answers::Answers;
 use super::board::{Board, Released};
 use super::progress::Progress;
 use super::statistics::Statistics;
+use super::watchdog::Change;
 use crate::audit::{AuditReport, Auditor};
 use crate::certificate::Decrease;
 use crate::channel::{Attachment, Writer};
@@ -103,6 +105,9 @@ impl Housekeeper {
                 .read(|period| {
                     // A worker that was in time left its record before the loop left this one.
                     answers.drain(solves, accumulator, statistics);
+                    answers
+                        .watchdog
+                        .period_over(period.header.tick, |change| tell(period.header.tick, change));
                     let header = TelemetryHeader {
                         audited: audit.audited,
                         audit_disagreed: audit.disagreed,
@@ -128,6 +133,7 @@ impl Housekeeper {
         progress.wall_s = started.elapsed().as_secs_f64();
         progress.arrived = self.accumulator.arrived();
         progress.min_clearance_m = self.accumulator.min_clearance_m();
+        progress.workers_silent = self.answers.watchdog.silent();
         progress.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
     }
 
@@ -141,6 +147,15 @@ impl Housekeeper {
             );
         }
         self.statistics.log_changes(self.telemetry.discarded(), &self.board);
+    }
+}
+
+fn tell(tick: u64, change: Change) {
+    match change {
+        Change::FellSilent(worker) => {
+            tracing::error!(tick, worker, "a worker does not answer in time; its robots stand still");
+        }
+        Change::Returned(worker) => tracing::info!(tick, worker, "a worker answers again"),
     }
 }
 
@@ -199,65 +214,5 @@ fn publish(
     });
     if sent.is_err() {
         tracing::debug!(tick = header.tick, "telemetry did not reach every reader");
-    }
-}
-
-/// The workers' records of the last periods, put together by tick.
-pub(super) struct Answers {
-    ring: Vec<Answer>,
-}
-
-/// One period's solutions.
-#[derive(Debug, Clone)]
-pub(super) struct Answer {
-    tick: Option<u64>,
-    /// Robots whose record is there.
-    pub(super) known: usize,
-    /// When the last of them was staged, from the state's stamp, ns.
-    pub(super) staged_ns: u64,
-    robots: Vec<RobotTelemetry>,
-}
-
-impl Answers {
-    pub(super) fn new(robots: usize, periods: usize) -> Self {
-        let empty =
-            Answer { tick: None, known: 0, staged_ns: 0, robots: vec![RobotTelemetry::default(); robots] };
-        Self { ring: vec![empty; periods.max(1)] }
-    }
-
-    fn slot(&self, tick: u64) -> usize {
-        usize::try_from(tick % self.ring.len() as u64).unwrap_or(0)
-    }
-
-    fn get(&self, tick: u64) -> Option<&Answer> {
-        self.ring.get(self.slot(tick)).filter(|answer| answer.tick == Some(tick))
-    }
-
-    fn drain(
-        &mut self,
-        solves: &[Arc<Pool<SolveRecord>>],
-        figures: &mut Accumulator,
-        statistics: &mut Statistics,
-    ) {
-        for pool in solves {
-            while pool.read(|record| self.add(record, figures, statistics)).is_some() {}
-        }
-    }
-
-    fn add(&mut self, record: &SolveRecord, figures: &mut Accumulator, statistics: &mut Statistics) {
-        statistics.add_solves(record);
-        let slot = self.slot(record.tick);
-        let Some(answer) = self.ring.get_mut(slot) else { return };
-        if answer.tick != Some(record.tick) {
-            (answer.tick, answer.known, answer.staged_ns) = (Some(record.tick), 0, 0);
-            answer.robots.fill(RobotTelemetry::default());
-        }
-        answer.known += record.robots.len();
-        answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
-        let mine = answer.robots.iter_mut().skip(record.first);
-        for (mine, robot) in mine.zip(&record.robots) {
-            *mine = *robot;
-            figures.observe_solve(robot);
-        }
     }
 }

@@ -18,6 +18,7 @@
 //! Steady state, a period: the loop makes two allocations of 48 bytes (the loans of the next
 //! samples, after the commands are out), the workers none; neither locks, formats or logs.
 
+mod answers;
 mod board;
 mod control_loop;
 mod daemon;
@@ -29,6 +30,7 @@ mod staging;
 mod starting;
 mod statistics;
 mod threads;
+mod watchdog;
 mod worker;
 
 pub use daemon::Daemon;

@@ -29,6 +29,8 @@ pub struct Progress {
     pub rejected_inputs: u64,
     /// Records that telemetry lost.
     pub lost_records: u64,
+    /// Workers that have not answered in time for two periods.
+    pub workers_silent: usize,
     /// Times that a worker panicked.
     pub worker_panics: u64,
 }

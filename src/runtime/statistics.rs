@@ -3,8 +3,8 @@ use std::sync::atomic::Ordering;
 
 use hdrhistogram::errors::CreationError;
 
+use super::answers::Answer;
 use super::board::Board;
-use super::housekeeping::Answer;
 use super::progress::Progress;
 use crate::admission::Rejections;
 use crate::figures::LatencyHistogram;
@@ -43,6 +43,7 @@ struct Logged {
     misses: u64,
     fallbacks: u64,
     rejected: u64,
+    frozen: u64,
     lost: u64,
     discarded: u64,
     failures: u64,
@@ -142,6 +143,7 @@ impl Statistics {
             misses: self.deadline_misses,
             fallbacks: self.fallback_commands,
             rejected: self.rejections.total(),
+            frozen: self.rejections.frozen_robots,
             lost: self.lost_records,
             discarded,
             failures: self.send_failures,
@@ -158,6 +160,7 @@ impl Statistics {
         line(now.misses, before.misses, "periods without a complete command in time");
         line(now.fallbacks, before.fallbacks, "stops sent in place of verified commands");
         line(now.rejected, before.rejected, "observations refused");
+        line(now.frozen, before.frozen, "robots whose pose does not change although they are told to drive");
         line(now.lost, before.lost, "telemetry records lost: the housekeeping thread is too slow");
         line(now.discarded, before.discarded, "telemetry samples discarded: a reader is too slow");
         line(now.failures, before.failures, "samples that could not be loaned or sent to every reader");

@@ -135,6 +135,7 @@ fn health(p: &Progress) -> String {
         (p.rejected_inputs, "rejected"),
         (p.lost_records, "records lost"),
         (p.worker_panics, "worker panics"),
+        (p.workers_silent as u64, "workers silent"),
     ] {
         if count > 0 {
             // Writing to a string cannot fail.

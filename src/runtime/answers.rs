@@ -1,0 +1,77 @@
+use std::sync::Arc;
+
+use super::statistics::Statistics;
+use super::watchdog::Watchdog;
+use crate::figures::Accumulator;
+use crate::telemetry::{Pool, SolveRecord};
+use crate::wire::RobotTelemetry;
+
+/// The workers' records of the last periods, put together by tick.
+pub(super) struct Answers {
+    ring: Vec<Answer>,
+    pub(super) watchdog: Watchdog,
+}
+
+/// One period's solutions.
+#[derive(Debug, Clone)]
+pub(super) struct Answer {
+    tick: Option<u64>,
+    /// Robots whose record is there.
+    pub(super) known: usize,
+    /// When the last of them was staged, from the state's stamp, ns.
+    pub(super) staged_ns: u64,
+    pub(super) robots: Vec<RobotTelemetry>,
+}
+
+impl Answers {
+    pub(super) fn new(robots: usize, workers: usize, periods: usize) -> Self {
+        let empty =
+            Answer { tick: None, known: 0, staged_ns: 0, robots: vec![RobotTelemetry::default(); robots] };
+        Self { ring: vec![empty; periods.max(1)], watchdog: Watchdog::new(workers) }
+    }
+
+    fn slot(&self, tick: u64) -> usize {
+        usize::try_from(tick % self.ring.len() as u64).unwrap_or(0)
+    }
+
+    pub(super) fn get(&self, tick: u64) -> Option<&Answer> {
+        self.ring.get(self.slot(tick)).filter(|answer| answer.tick == Some(tick))
+    }
+
+    /// Takes what the workers left since the last time.
+    pub(super) fn drain(
+        &mut self,
+        solves: &[Arc<Pool<SolveRecord>>],
+        figures: &mut Accumulator,
+        statistics: &mut Statistics,
+    ) {
+        for (worker, pool) in solves.iter().enumerate() {
+            let mut more = true;
+            while more {
+                more = pool
+                    .read(|record| {
+                        self.watchdog.answered(worker, record.tick);
+                        self.add(record, figures, statistics);
+                    })
+                    .is_some();
+            }
+        }
+    }
+
+    fn add(&mut self, record: &SolveRecord, figures: &mut Accumulator, statistics: &mut Statistics) {
+        statistics.add_solves(record);
+        let slot = self.slot(record.tick);
+        let Some(answer) = self.ring.get_mut(slot) else { return };
+        if answer.tick != Some(record.tick) {
+            (answer.tick, answer.known, answer.staged_ns) = (Some(record.tick), 0, 0);
+            answer.robots.fill(RobotTelemetry::default());
+        }
+        answer.known += record.robots.len();
+        answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
+        let mine = answer.robots.iter_mut().skip(record.first);
+        for (mine, robot) in mine.zip(&record.robots) {
+            *mine = *robot;
+            figures.observe_solve(robot);
+        }
+    }
+}
