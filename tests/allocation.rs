@@ -9,8 +9,9 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicI32, AtomicU64, AtomicUsize, Ordering};
 
+use clearway::audit;
 use clearway::channel::{StateReader, Transport};
-use clearway::controller::{Decision, RobotGroup};
+use clearway::controller::{Decision, RobotGroup, rows_max};
 use clearway::runtime::{Daemon, Decider, Until};
 use clearway::scenario::Scenario;
 use clearway::wire::RobotState;
@@ -127,10 +128,13 @@ fn workers_allocate_nothing_and_the_loop_only_its_loans() {
     config.timing.workers = Some(2);
     config.timing.ticks = Some(TICKS);
     let for_workers = config.clone();
+    // The audit's recording side belongs to the workers' period as well.
+    let rows = rows_max(&config.controller);
+    let (recorder, mut auditor) = audit::start(ClarabelSolver::new(rows).unwrap(), rows, 16, 1);
     let transport = Transport::new(&config.fleet, &config.channel).unwrap();
     let daemon = Daemon::start_with(config, Until::Stopped, move |owned| {
         let first = owned.start;
-        let group = RobotGroup::new(&for_workers, owned).map_err(|e| e.to_string())?;
+        let group = RobotGroup::new(&for_workers, owned).map_err(|e| e.to_string())?.audited_by(recorder.clone());
         let capacity = usize::try_from(TICKS).unwrap_or(0);
         Ok::<_, String>(Counted { group, first, counts: Vec::with_capacity(capacity) })
     })
@@ -146,6 +150,7 @@ fn workers_allocate_nothing_and_the_loop_only_its_loans() {
             first = first.or(Some((tick, before)));
             last = Some((tick, before));
         }
+        auditor.audit(4);
         std::thread::sleep(std::time::Duration::from_micros(300));
     }
     let report = daemon.join().unwrap();
@@ -158,6 +163,8 @@ fn workers_allocate_nothing_and_the_loop_only_its_loans() {
         allocated.abs_diff(2 * periods) <= 4 + 2 * report.skipped_periods,
         "{allocated} in {periods} periods"
     );
+
+    assert!(auditor.report().audited > 0 && auditor.report().disagreed == 0);
 
     let workers = WORKERS.lock().unwrap();
     assert_eq!(workers.keys().copied().collect::<Vec<_>>(), [0, 4]);
