@@ -14,6 +14,7 @@ use clearway::channel::{StateReader, Transport};
 use clearway::controller::{Decision, RobotGroup, rows_max};
 use clearway::runtime::{Daemon, Decider, Until};
 use clearway::scenario::Scenario;
+use clearway::solver::ClarabelSolver;
 use clearway::wire::RobotState;
 use support::{World, config};
 
