@@ -1,13 +1,13 @@
 //! Attaches to a running daemon from a process of its own and checks that no sample is missed.
 //!
 //! ```text
-//! cargo run --release -p clearway --example watch -- 60     # for 60 s, or until Ctrl-C
+//! cargo run --release -p clearway --example watch -- 60     # start before or after the daemon
 //! ```
 //!
 //! Prints the fleet once a second, and at the end how many ticks of `state` and `command` were seen
 //! and how many are missing. Exit status 1 when one is missing.
 
-use clearway::channel::{CommandReader, StateReader, Transport};
+use clearway::channel::{Attachment, ChannelError, CommandReader, StateReader, Transport};
 use clearway::config::ChannelConfig;
 use clearway::wire::state_flags;
 use std::process::ExitCode;
@@ -29,12 +29,25 @@ impl Ticks {
     }
 }
 
+/// Readers of the fleet's channels, as soon as there is a daemon.
+fn wait_for_daemon(
+    node: &Attachment,
+    patience: Duration,
+) -> Result<(StateReader, CommandReader), ChannelError> {
+    let end = Instant::now() + patience;
+    loop {
+        match node.reader().and_then(|states| Ok((states, node.reader()?))) {
+            Err(_) if Instant::now() < end => std::thread::sleep(Duration::from_millis(2)),
+            result => return result,
+        }
+    }
+}
+
 fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let seconds: u64 = std::env::args().nth(1).map_or(Ok(60), |text| text.parse())?;
     let transport = Transport::new("default", &ChannelConfig::default().with_environment())?;
     let node = transport.attach("watch")?;
-    let mut states: StateReader = node.reader()?;
-    let mut commands: CommandReader = node.reader()?;
+    let (mut states, mut commands) = wait_for_daemon(&node, Duration::from_secs(10))?;
 
     let (mut state_ticks, mut command_ticks) = (Ticks::default(), Ticks::default());
     let end = Instant::now() + Duration::from_secs(seconds);
@@ -51,7 +64,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
         while let Some(sample) = commands.next()? {
             command_ticks.see(sample.header().tick);
         }
-        std::thread::sleep(Duration::from_micros(500));
+        std::thread::sleep(Duration::from_micros(300));
     }
     for (name, ticks) in [("state", &state_ticks), ("command", &command_ticks)] {
         println!("{name}: {} ticks seen, {} missing, last {:?}", ticks.seen, ticks.missing, ticks.last);

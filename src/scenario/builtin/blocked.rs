@@ -43,6 +43,8 @@ pub(super) fn doorway(name: &str, n: u32, both_ways: bool, gap_m: f64) -> Scenar
             fleet.robot((-x, y), (far, y));
         }
     }
+    // One at a time through the opening takes its time.
+    fleet.give_up_after(Scenario::DEFAULT_DURATION_S + 5.0 * f64::from(n));
     fleet.wall((0.0, 0.5 * gap_m), (0.0, WALL_HALF_M));
     fleet.wall((0.0, -WALL_HALF_M), (0.0, -0.5 * gap_m));
     fleet.finish()

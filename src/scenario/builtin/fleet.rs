@@ -33,6 +33,11 @@ impl Fleet {
         });
     }
 
+    /// Sets the time after which the run is given up, s.
+    pub(super) fn give_up_after(&mut self, duration_s: f64) {
+        self.0.duration_s = duration_s;
+    }
+
     /// Replaces every robot's heading by what `theta_rad` gives, in order of id.
     pub(super) fn face(&mut self, mut theta_rad: impl FnMut() -> f64) {
         for robot in &mut self.0.robots {
