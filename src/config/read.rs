@@ -94,7 +94,7 @@ fn timing(mut s: Section<'_>) -> Timing {
         "deadline_margin_us",
         &mut t.deadline_margin_ns,
         0..=SECOND_US,
-        "a tenth of the period, at most 2000",
+        "a quarter of the period, at most 2000",
     );
     s.set_integer_or(
         "workers",

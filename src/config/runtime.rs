@@ -5,7 +5,7 @@ use crate::document::names;
 pub struct TimingConfig {
     /// Sampling period T, ns. Default 80 ms; at least 200 µs.
     pub period_ns: u64,
-    /// Commands are published this long before the end of the period, ns. `None`: a tenth of the
+    /// Commands are published this long before the end of the period, ns. `None`: a quarter of the
     /// period, at most 2 ms.
     pub deadline_margin_ns: Option<u64>,
     /// Worker threads; `None`: as many as the robots and the usable cores allow.
@@ -29,7 +29,7 @@ impl TimingConfig {
 
     /// The margin between the deadline and the end of the period, ns.
     pub fn margin_ns(&self) -> u64 {
-        self.deadline_margin_ns.unwrap_or((self.period_ns / 10).min(2_000_000))
+        self.deadline_margin_ns.unwrap_or((self.period_ns / 4).min(2_000_000))
     }
 }
 

@@ -84,6 +84,7 @@ impl Rig {
     fn new(world: &World, scenario: Scenario, workers: usize, ticks: u64) -> Self {
         let mut config = config(world, scenario, T);
         config.timing.workers = Some(workers);
+        config.timing.deadline_margin_ns = Some(T / 10);
         let ready = Box::new(|board: &Board, tick| board.staging.complete(tick));
         Self { config, ticks, overrun: None, ready }
     }
