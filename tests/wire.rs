@@ -27,8 +27,8 @@ fn names_sizes_and_alignments() {
     assert_eq!(layout::<StateHeader>(&words(5)), ("clearway.v1.StateHeader", 40, 8));
     assert_eq!(layout::<RobotIntent>(&[words(7), vec![4, 4]].concat()), ("clearway.v1.RobotIntent", 64, 8));
     assert_eq!(
-        layout::<RobotState>(&[ids_then(8), vec![size_of::<RobotIntent>()]].concat()),
-        ("clearway.v1.RobotState", 136, 8)
+        layout::<RobotState>(&[ids_then(9), vec![size_of::<RobotIntent>()]].concat()),
+        ("clearway.v1.RobotState", 144, 8)
     );
     assert_eq!(layout::<CommandHeader>(&words(6)), ("clearway.v1.CommandHeader", 48, 8));
     assert_eq!(layout::<RobotCommand>(&ids_then(2)), ("clearway.v1.RobotCommand", 24, 8));

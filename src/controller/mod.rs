@@ -88,18 +88,22 @@ struct Law {
     obstacles: Vec<Obstacle>,
     /// Speed bound of each robot of the fleet that is not ours.
     foreign_speed_mps: Vec<Option<f64>>,
+    /// Periods from the states to the end of the period in which the commands act.
+    foreign_periods: f64,
 }
 
 impl Law {
     /// How far a robot has to see for every row that can bind, m.
     fn sight_m(&self, fleet: &[RobotState], me: usize) -> f64 {
         let largest = fleet.iter().fold(0.0f64, |r, s| r.max(s.radius_m));
+        let unseen = fleet.iter().fold(0.0f64, |u, s| u.max(s.uncertainty_m));
         let required = self.limits.safety_margin_m + fleet[me].radius_m + largest;
         let rate = self.control.gamma.min(self.control.comfort_gamma);
         let foreign =
             self.foreign_speed_mps.iter().flatten().fold(0.0f64, |fastest, speed| fastest.max(*speed));
         // What others may have moved, or may move, without keeping to their share.
-        let unknown = (rows::UNTRUSTED_PERIODS + 1.0) * self.period_s * self.limits.speed_mps().max(foreign);
+        let untrusted = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
+        let unknown = untrusted.max(unseen + self.foreign_periods * self.period_s * foreign);
         activation_m(required + unknown, self.limits.speed_mps(), self.period_s, rate, 0.5)
     }
 }
@@ -171,6 +175,7 @@ impl RobotGroup {
             period_s: config.timing.period_s(),
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),
+            foreign_periods: 0.0,
             foreign_speed_mps: scenario.robots.iter().map(|robot| robot.foreign_speed_mps).collect(),
         };
         Ok(Self {
@@ -210,6 +215,10 @@ impl RobotGroup {
         if fleet.len() != self.predicted.len() {
             return;
         }
+        self.law.foreign_periods = match timing {
+            Timing::LogicalExecutionTime => 2.0,
+            Timing::Ideal => 1.0,
+        };
         for (predicted, now) in self.predicted.iter_mut().zip(fleet) {
             *predicted = *now;
             if timing == Timing::LogicalExecutionTime {

@@ -55,20 +55,19 @@ pub(super) fn bodies<'a>(
     };
     let robots = near.iter().filter_map(move |n| {
         let other = &fleet[n.index];
-        let trusted = other.has(state_flags::VALID);
-        let foreign_mps = law.foreign_speed_mps[n.index];
-        let speed_mps = foreign_mps.unwrap_or(law.limits.speed_mps());
-        // One that is not ours uses up what it can reach, and leaves the whole rest to us.
-        let share = if foreign_mps.is_some() { 1.0 } else { 0.5 };
-        let unknown =
-            if trusted { 0.0 } else { UNTRUSTED_PERIODS } + if foreign_mps.is_some() { 1.0 } else { 0.0 };
-        let required_m =
-            law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown * law.period_s * speed_mps;
+        // What it may move beyond what is known, and our share of what that leaves: one that is not ours
+        // uses up what it can reach until the command has acted, and leaves us the whole rest.
+        let (unknown_m, share) = match law.foreign_speed_mps[n.index] {
+            Some(speed_mps) => (other.uncertainty_m + law.foreign_periods * law.period_s * speed_mps, 1.0),
+            None if other.has(state_flags::VALID) => (0.0, 0.5),
+            None => (UNTRUSTED_PERIODS * law.period_s * law.limits.speed_mps(), 0.5),
+        };
+        let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown_m;
         (n.distance_m <= reach(required_m, share)).then(|| Body {
             normal: away(here - other.position_m(), n.distance_m, own.id, other.id),
             gap_m: n.distance_m - required_m,
             share,
-            anywhere: unknown > 0.0 && n.distance_m < required_m,
+            anywhere: unknown_m > 0.0 && n.distance_m < required_m,
         })
     });
     let obstacles = law.obstacles.iter().filter_map(move |obstacle| {

@@ -55,6 +55,9 @@ pub struct RobotState {
     pub goal_y_m: f64,
     /// Radius of the body, m.
     pub radius_m: f64,
+    /// How far a foreign robot may have moved from this pose by `t_k`, m: its speed bound times the
+    /// age of its last good observation; +∞ before the first. 0 for the robots of the fleet.
+    pub uncertainty_m: f64,
     /// What the robot meant to do when it chose its command.
     pub intent: RobotIntent,
 }
