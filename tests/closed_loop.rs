@@ -177,3 +177,52 @@ fn foreign_robots_take_no_commands_and_are_driven_around() {
     let decisions = decide(&config, &evaluation::initial_fleet(&config));
     assert_eq!(decisions[8].command.stop_reason, StopReason::Foreign as u32);
 }
+
+/// The weights follow the period: robots drive as fast at 2 ms as at 80 ms.
+#[test]
+fn the_swap_is_as_fast_at_short_periods() {
+    for period_ns in [20_000_000, 5_000_000, 2_000_000] {
+        let e = evaluate("swap8", Timing::LogicalExecutionTime, |c| c.timing.period_ns = period_ns);
+        assert!(e.passed() && e.figures.makespan_s.unwrap() < 2.6, "{period_ns}: {e:?}");
+    }
+}
+
+/// A foreign robot that moves while we compute as well as while we act: whatever it does within its
+/// bound, our robot never drives into it.
+#[test]
+fn moving_foreign_robot_is_never_driven_into() {
+    for timing in [Timing::LogicalExecutionTime, Timing::Ideal] {
+        for (bound, towards) in [(0.5, 1.0), (1.0, 1.0), (3.0, 1.0), (1.0, 0.5), (3.0, -1.0)] {
+            let mut config = Config::new(Scenario::builtin("head-on").unwrap());
+            config.controller.guidance = false;
+            config.scenario.robots[1].foreign_speed_mps = Some(bound);
+            let (t, required) = (config.timing.period_s(), config.scenario.required_distance_m(0, 1));
+            let mut fleet = evaluation::initial_fleet(&config);
+            let mut group = RobotGroup::new(&config, 0..2).unwrap();
+            // Their heads point at each other; ours has a goal far behind the foreign robot.
+            (fleet[0].goal_x_m, fleet[0].goal_y_m) = (1e3 * fleet[1].x_m.signum(), fleet[0].y_m);
+            let (mut driven, mut closest) = (0, f64::INFINITY);
+            for _ in 0..400 {
+                let mut next = Command::STOP;
+                group.solve(&fleet, timing, |index, decision| {
+                    if index == 0 {
+                        next = decision.command.command();
+                    }
+                });
+                if timing == Timing::Ideal {
+                    fleet[0].set_command(next);
+                }
+                let ours = fleet[0].arc();
+                let theirs = Arc { v_mps: towards * bound, omega_radps: 0.0, ..fleet[1].arc() };
+                if ours.v_mps > 0.0 {
+                    driven += 1;
+                    closest = closest.min(min_distance_arcs(&ours, &theirs, t).lower_m - required);
+                }
+                fleet[0].set_pose(ours.pose(t));
+                fleet[1].set_pose(theirs.pose(t));
+                fleet[0].set_command(next);
+            }
+            assert!(driven > 3 && closest >= -1e-9, "{timing:?} {bound} {towards}: {closest} in {driven}");
+        }
+    }
+}

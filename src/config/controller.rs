@@ -39,7 +39,10 @@ pub enum BarrierForm {
 
 names!(BarrierForm { Exact => "exact", Linear => "linear" });
 
-/// Weights of the objective (33a). All positive.
+/// Weights of the objective (33a), at the paper's period of 80 ms. All positive.
+///
+/// Slacks are amounts a step and shrink with the period, v and ω do not: [`at`](Self::at) gives the
+/// weights that ask for the same speeds at another period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
     /// R₁, on v².
@@ -52,6 +55,23 @@ pub struct Weights {
     pub heading: f64,
     /// `w_r`, on the slack of a comfort row.
     pub comfort: f64,
+}
+
+impl Weights {
+    /// The period at which the weights are given, s.
+    pub const PERIOD_S: f64 = 0.08;
+
+    /// The weights for a period of `period_s`: those of the slacks grow as the slacks shrink.
+    #[must_use]
+    pub fn at(self, period_s: f64) -> Self {
+        let steps = Self::PERIOD_S / period_s;
+        Self {
+            position: self.position * steps,
+            heading: self.heading * steps,
+            comfort: self.comfort * steps,
+            ..self
+        }
+    }
 }
 
 impl Default for Weights {

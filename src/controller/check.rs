@@ -1,44 +1,89 @@
-//! The last check before a command goes out: against the bodies themselves, not the programme.
+//! The last check before a command goes out: the exact motion against the bodies, not the programme.
+//!
+//! The rows were computed from closed forms of the approach. Here the arc itself is held against the
+//! line that it must not cross, by the branch and bound that measures clearances: other code, so that
+//! a mistake in the one is seen by the other.
 
 use super::Law;
-use super::rows::{approach_at, bodies};
+use super::rows::{Body, approach_at, bodies};
 use crate::certificate::barrier::budget_m;
+use crate::geometry::{Arc, Vec2, min_distance_arc_segment};
 use crate::model::Command;
 use crate::neighbours::Nearby;
 use crate::wire::RobotState;
 
 /// Rounding that the check forgives, m.
-const ROUNDING_M: f64 = 1e-12;
+const ROUNDING_M: f64 = 1e-11;
 
-/// What [`against_bodies`] found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Verdict {
-    /// The command keeps its share of every gap at every instant of the period.
-    pub(super) safe: bool,
-    /// Largest |v| of the command's sign that would, m/s.
-    pub(super) speed_limit_mps: f64,
-}
-
-/// Checks the exact motion of `command` against every body that it can reach.
-pub(super) fn against_bodies(
+/// Largest |v| of `command`'s sign that keeps its share of every gap at its turn rate, m/s.
+pub(super) fn speed_limit_mps(
     law: &Law,
     fleet: &[RobotState],
     me: usize,
     near: &[Nearby],
     command: Command,
-) -> Verdict {
+) -> f64 {
     let theta_rad = fleet[me].theta_rad;
-    let mut verdict = Verdict { safe: law.limits.admits(command), speed_limit_mps: law.limits.speed_mps() };
+    let mut limit = law.limits.speed_mps();
     for body in bodies(law, fleet, me, near, law.control.gamma) {
         let approach = approach_at(theta_rad, command.omega_radps, &body, law.period_s);
         let rate = if command.v_mps < 0.0 { approach.backward } else { approach.forward };
-        let budget = budget_m(body.gap_m, law.control.gamma, body.share);
-        if rate * command.v_mps.abs() > budget + ROUNDING_M {
-            verdict.safe = false;
-        }
         if rate > 0.0 {
-            verdict.speed_limit_mps = verdict.speed_limit_mps.min(budget / rate);
+            limit = limit.min(budget_m(body.gap_m, law.control.gamma, body.share) / rate);
         }
     }
-    verdict
+    limit
+}
+
+/// Whether `command` is admissible and keeps its share of every gap at every instant of the period.
+pub(super) fn is_safe(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby], command: Command) -> bool {
+    let start = fleet[me].pose();
+    let arc = Arc { start, v_mps: command.v_mps, omega_radps: command.omega_radps };
+    law.limits.admits(command)
+        && bodies(law, fleet, me, near, law.control.gamma).all(|body| {
+            keeps_clear(&arc, &body, budget_m(body.gap_m, law.control.gamma, body.share), law.period_s)
+        })
+}
+
+/// Whether the arc stays on the robot's side of the line that lies its budget towards the body.
+fn keeps_clear(arc: &Arc, body: &Body, budget_m: f64, period_s: f64) -> bool {
+    if body.anywhere {
+        return arc.v_mps == 0.0;
+    }
+    let driven = arc.v_mps.abs() * period_s;
+    if driven <= budget_m {
+        return true;
+    }
+    // Measured from a metre behind the line, long enough for any motion of this period.
+    let behind_m = 1.0;
+    let foot = arc.start.position_m - body.normal * (budget_m + behind_m);
+    let along = Vec2::new(-body.normal.y, body.normal.x) * (driven + behind_m);
+    min_distance_arc_segment(arc, foot - along, foot + along, period_s).lower_m >= behind_m - ROUNDING_M
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::barrier::approach_exact;
+    use crate::geometry::{Pose, unit, wrap};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The line and the closed form draw the same border, from both sides.
+        #[test]
+        fn check_agrees_with_the_closed_form_and_refuses_just_beyond_it(
+            theta in -3.1..3.1f64, bearing in -3.1..3.1f64, v in -5.0..5.0f64, omega in -3.0..3.0f64,
+            budget in 0.0..0.3f64, t in 0.01..0.3f64,
+        ) {
+            let normal = unit(bearing);
+            let body = Body { normal, gap_m: budget, share: 1.0, anywhere: false };
+            let arc = Arc { start: Pose::new(1.0, -2.0, theta), v_mps: v, omega_radps: omega };
+            let approach = approach_exact(wrap(theta - bearing), omega, t);
+            let used = v.abs() * if v < 0.0 { approach.backward } else { approach.forward };
+            prop_assume!((used - budget).abs() > 1e-9);
+            prop_assert_eq!(keeps_clear(&arc, &body, budget, t), used < budget);
+            let anywhere = Body { anywhere: true, ..body };
+            prop_assert_eq!(keeps_clear(&arc, &anywhere, budget, t), v == 0.0);
+        }
+    }
 }

@@ -188,7 +188,7 @@ impl RobotGroup {
             predicted: vec![RobotState::default(); robots],
             workspace: Workspace {
                 near: Neighbourhood::with_capacity(robots),
-                programme: Programme::with_capacity(control.weights, rows),
+                programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),
                 solution: Solution::with_capacity(rows),
                 solver,
                 recorder: None,

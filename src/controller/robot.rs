@@ -1,6 +1,6 @@
 //! One robot's controller: its guidance memory, and its way from the states to a decision.
 
-use super::check::against_bodies;
+use super::check::{is_safe, speed_limit_mps};
 use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
@@ -223,9 +223,9 @@ impl RobotController {
             law.limits.admits(command)
         } else {
             // An interior point solution may stand on the wrong side of a row by its tolerance.
-            let limit = against_bodies(law, fleet, self.index, near, command).speed_limit_mps;
+            let limit = speed_limit_mps(law, fleet, self.index, near, command);
             command.v_mps = command.v_mps.clamp(-limit, limit);
-            against_bodies(law, fleet, self.index, near, command).safe
+            is_safe(law, fleet, self.index, near, command)
         };
         let close = (command.v_mps - solution.v_mps).abs() <= KKT_TOLERANCE * (1.0 + solution.v_mps.abs());
         if !safe || !close || residual > KKT_TOLERANCE {
@@ -243,11 +243,6 @@ impl RobotController {
     fn aim(&mut self, law: &Law, fleet: &[RobotState], near: &[Nearby]) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
-        if own.goal_m() != self.goal_m {
-            // A new goal: its route is rebuilt outside of the period; until then, straight there.
-            self.goal_m = own.goal_m();
-            self.route = Route::direct(self.goal_m);
-        }
         if !law.control.guidance || law.control.profile == Profile::Paper {
             return Aim {
                 reference_m: self.goal_m,

@@ -29,11 +29,6 @@ pub struct Route {
 }
 
 impl Route {
-    /// The way straight to the goal, whatever stands in between. Does not allocate.
-    pub fn direct(goal_m: Vec2) -> Self {
-        Self { goal_m, nodes: Vec::new() }
-    }
-
     /// The shortest ways to `goal_m` around `obstacles`. Allocates; Dijkstra over a visibility graph with
     /// eight corners for each disc and each end of a wall.
     pub fn build(obstacles: &[ObstacleView], goal_m: Vec2) -> Self {

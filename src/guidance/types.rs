@@ -133,7 +133,7 @@ pub struct Limits {
     pub period_s: f64,
 }
 
-/// What one robot remembers from tick to tick. `Memory::default()` at start and when its goal changes.
+/// What one robot remembers from tick to tick. `Memory::default()` at start.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
     pub(super) started: bool,

@@ -7,9 +7,9 @@ pub struct Limits {
     pub v_min_mps: f64,
     /// Largest forward speed, m/s; above 0.
     pub v_max_mps: f64,
-    /// Smallest turn rate, rad/s; at most 0.
+    /// Smallest turn rate, rad/s; below 0.
     pub omega_min_radps: f64,
-    /// Largest turn rate, rad/s; at least 0.
+    /// Largest turn rate, rad/s; above 0.
     pub omega_max_radps: f64,
     /// Gap `d_s` that bodies keep between them, m.
     pub safety_margin_m: f64,

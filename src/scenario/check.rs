@@ -163,6 +163,10 @@ impl Check<'_> {
                 let message = format!("[{low}, {high}] {unit} does not contain 0, so a robot could not stop");
                 let help = "give the smallest value first, at most 0, then the largest, at least 0";
                 self.fault(ErrorKind::OutOfRange, part, "0 is outside", message, help);
+            } else if part == Part::TurnRate && (low == 0.0 || high == 0.0) {
+                let message = format!("[{low}, {high}] {unit} lets a robot turn to one side only at most");
+                let help = "give a smallest value below 0 and a largest above 0";
+                self.fault(ErrorKind::OutOfRange, part, "one side", message, help);
             } else if part == Part::Speed && high == 0.0 {
                 let message = "the largest speed is 0, so no robot could move".to_owned();
                 self.fault(ErrorKind::OutOfRange, part, "0", message, "give a largest speed above 0");

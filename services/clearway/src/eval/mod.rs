@@ -54,6 +54,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<bool> {
+    if let Some(set) = args.set.iter().find(|set| set.trim_start().starts_with("scenario")) {
+        return Err(miette!(help = "name the scenarios as arguments", "--set {set} has no effect here"));
+    }
     let configs: Vec<Config> =
         expand(&args.scenario)?.iter().map(|name| configure(args, name)).collect::<Result<_>>()?;
     let timing = if args.timing == "ideal" { Timing::Ideal } else { Timing::LogicalExecutionTime };
