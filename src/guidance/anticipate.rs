@@ -240,10 +240,10 @@ impl<'a> Scene<'a> {
             h = self.turned(h, aim);
             let v =
                 (v_max * share * align(h.dot(&aim), params)).min(arc_speed(h, to, left, self.limits, params));
-            let v = self.slowed(v, p, h, k);
+            let (v, scrape) = self.beside_obstacles(self.slowed(v, p, h, k), p, h);
             let travel = (v * dt).min(left);
             let next = p + h * travel;
-            cost += self.closeness(p, next, k, fade, &mut worst) + self.scrape(p) * fade * dt;
+            cost += self.closeness(p, next, k, fade, &mut worst) + scrape * fade * dt;
             if cost >= give_up {
                 return None;
             }
@@ -266,7 +266,7 @@ impl<'a> Scene<'a> {
         (cost < give_up).then_some((cost, path / time))
     }
 
-    /// Speed that the hard rows would leave.
+    /// Speed that the hard rows of the neighbours would leave.
     fn slowed(&self, mut v: f64, p: Vec2, h: Vec2, k: usize) -> f64 {
         let rate = self.params.row_rate;
         for t in &self.tracks[..self.count] {
@@ -282,14 +282,22 @@ impl<'a> Scene<'a> {
                 v = v.min(rate * (d - t.required_m).max(0.0) / closing);
             }
         }
+        v
+    }
+
+    /// Speed that the hard rows of the static obstacles would leave, and the cost rate of being close to
+    /// them.
+    fn beside_obstacles(&self, mut v: f64, p: Vec2, h: Vec2) -> (f64, f64) {
+        let mut scrape = 0.0;
         for o in self.obstacles {
             let (normal, gap) = o.clearance(p);
             let closing = -h.dot(&normal);
             if closing > 0.0 {
-                v = v.min(2.0 * rate * gap.max(0.0) / closing);
+                v = v.min(2.0 * self.params.row_rate * gap.max(0.0) / closing);
             }
+            scrape += (1.0 - gap / OBSTACLE_MARGIN_M).max(0.0);
         }
-        v
+        (v, self.params.prox_weight * scrape)
     }
 
     /// By how much the step raises the worst closeness to each neighbour.
@@ -316,11 +324,5 @@ impl<'a> Scene<'a> {
             }
         }
         raised
-    }
-
-    /// Cost rate of being close to static obstacles.
-    fn scrape(&self, p: Vec2) -> f64 {
-        let near = |o: &ObstacleView| (1.0 - o.clearance(p).1 / OBSTACLE_MARGIN_M).max(0.0);
-        self.params.prox_weight * self.obstacles.iter().map(near).sum::<f64>()
     }
 }

@@ -25,8 +25,7 @@ pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, par
     }
     let mine = to * (limits.v_max_mps / left);
     let my_time = left / limits.v_max_mps;
-    let mut beta: f64 = 0.0;
-    let (mut far_left, mut far_right) = (0.0f64, 0.0f64);
+    let (mut left_side, mut right_side) = (Side::default(), Side::default());
     for n in neighbours.iter().filter(|n| !n.arrived) {
         let theirs = n.target_m - n.position_m;
         let their_left = theirs.norm();
@@ -56,11 +55,21 @@ pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, par
         // A clear miss on the other side is left alone.
         let keep = if miss >= 0.0 { 1.0 } else { (1.0 + miss / params.lane_wrong_m).max(0.0) };
         let soon = ((1.0 - time / params.lane_horizon_s) / FADE).clamp(0.0, 1.0);
-        beta = beta.max(need * keep * soon);
         // Later conflicts count once neighbours close in on both sides: a big ring must not shrink too far first.
         let close = (params.lane_close - d / lane).clamp(0.0, 1.0);
-        let far = if mine.perp(&offset) > 0.0 { &mut far_left } else { &mut far_right };
-        *far = far.max(need * keep * close);
+        let side = if mine.perp(&offset) > 0.0 { &mut left_side } else { &mut right_side };
+        side.now_rad = side.now_rad.max(need * keep * soon);
+        side.later_rad = side.later_rad.max(need * keep * close);
     }
-    beta.max(far_left.min(far_right)).min(params.lane_beta_max_rad)
+    let single = params.lane_single * left_side.now_rad.max(right_side.now_rad);
+    let now = left_side.now_rad.min(right_side.now_rad);
+    let later = left_side.later_rad.min(right_side.later_rad);
+    single.max(now).max(later).min(params.lane_beta_max_rad)
+}
+
+/// Largest turns that the neighbours on one side ask for.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    now_rad: f64,
+    later_rad: f64,
 }
