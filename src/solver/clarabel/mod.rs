@@ -1,3 +1,5 @@
+//! The programme through Clarabel, the reference that the exact solver is held against.
+
 mod layout;
 mod scaling;
 mod workspace;
