@@ -2,8 +2,10 @@
 //!
 //! Reads the period's start and the commands that are in force, writes the poses at `t_k` and their
 //! validity. Both sources answer for exactly `t_k`: an observation made a little earlier or later is
-//! carried along the arcs of the commands that were in force between. World frame, metres, radians,
-//! `CLOCK_MONOTONIC` ns. Neither allocates after it is made.
+//! carried along the arcs of the commands that were in force between. So is the last good pose of a
+//! robot that is not heard any more: it went on driving until it was told to stop. A foreign robot
+//! takes no commands; its pose stays where it was seen, with how far it may have come since. World
+//! frame, metres, radians, `CLOCK_MONOTONIC` ns. Neither allocates after it is made.
 
 use crate::admission::{Admission, Rejections};
 use crate::channel::ObservationReader;
@@ -14,8 +16,6 @@ use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::wire::{CommandHeader, RobotCommand, RobotState, state_flags};
 
-/// Periods of past commands that an observation can be carried over.
-const HISTORY: usize = 8;
 /// Observation samples looked at in one period for each robot; the rest waits, and is then stale.
 const SAMPLES_PER_ROBOT: usize = 16;
 
@@ -32,8 +32,8 @@ pub struct Instant {
 
 /// A source of states.
 pub trait StateSource {
-    /// Writes the poses of all robots at `t_k`, in the scenario's order, and sets or clears
-    /// [`state_flags::VALID`]; leaves everything else.
+    /// Writes the poses of all robots at `t_k` and their uncertainty, in the scenario's order, and
+    /// sets or clears [`state_flags::VALID`]; leaves everything else.
     fn observe(&mut self, instant: Instant, states: &mut [RobotState]);
 
     /// Learns which commands were published at `now_ns`.
@@ -43,8 +43,9 @@ pub trait StateSource {
     fn rejections(&self) -> Rejections;
 }
 
-fn set_pose(state: &mut RobotState, pose: Pose, valid: bool) {
+fn set_pose(state: &mut RobotState, pose: Pose, uncertainty_m: f64, valid: bool) {
     state.set_pose(pose);
+    state.uncertainty_m = uncertainty_m;
     state.flags = if valid { state.flags | state_flags::VALID } else { state.flags & !state_flags::VALID };
 }
 
@@ -52,7 +53,7 @@ impl StateSource for Plant {
     fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
         self.advance(instant.release_ns);
         for (state, pose) in states.iter_mut().zip(self.poses()) {
-            set_pose(state, pose, true);
+            set_pose(state, pose, 0.0, true);
         }
     }
 
@@ -105,7 +106,17 @@ pub struct Observed {
     reader: ObservationReader,
     admission: Admission,
     held: Held,
+    carried: Vec<Option<Carried>>,
+    foreign_speed_mps: Vec<Option<f64>>,
     samples_max: usize,
+}
+
+/// A good observation, carried on to where its robot is at `at_ns`.
+#[derive(Debug, Clone, Copy)]
+struct Carried {
+    seen: (Pose, u64),
+    pose: Pose,
+    at_ns: u64,
 }
 
 impl Observed {
@@ -116,15 +127,44 @@ impl Observed {
         config: &SourceConfig,
         period_ns: u64,
     ) -> Self {
+        let robots = scenario.robots.len();
         Self {
-            stillness: vec![Stillness::default(); scenario.robots.len()],
+            stillness: vec![Stillness::default(); robots],
             frozen_robots: 0,
             reader,
             admission: Admission::new(scenario, config, period_ns),
-            held: Held::new(scenario.robots.len()),
-            samples_max: SAMPLES_PER_ROBOT * scenario.robots.len(),
+            held: Held::new(robots, history(config.max_age_or_default_ns(period_ns), period_ns)),
+            carried: vec![None; robots],
+            foreign_speed_mps: scenario.robots.iter().map(|robot| robot.foreign_speed_mps).collect(),
+            samples_max: SAMPLES_PER_ROBOT * robots,
         }
     }
+
+    /// Where robot `index`, last seen at a pose and its stamp, is at `release_ns`.
+    ///
+    /// Goes on from where it was carried to the last time, so that it does not matter how long ago it
+    /// was seen: commands need not be remembered for longer than an observation may be old.
+    fn carry(&mut self, index: usize, seen: (Pose, u64), release_ns: u64) -> Pose {
+        let (pose, at_ns) = match self.carried[index] {
+            Some(carried) if carried.seen == seen => (carried.pose, carried.at_ns),
+            _ => seen,
+        };
+        let pose = self.held.carry(index, pose, at_ns, release_ns);
+        self.carried[index] = Some(Carried { seen, pose, at_ns: release_ns });
+        pose
+    }
+
+    /// Counts a robot of ours that was seen anew and has just frozen.
+    fn watch(&mut self, index: usize, (pose, stamp_ns): (Pose, u64)) {
+        let told = |from, from_ns| self.held.carry(index, from, from_ns, stamp_ns);
+        self.frozen_robots += u64::from(self.stillness[index].add(pose, stamp_ns, told));
+    }
+}
+
+/// Periods whose commands can lie between an observation of the greatest age and now: those it spans,
+/// the one that it begins in, the one that is running, and the one whose commands are already out.
+fn history(max_age_ns: u64, period_ns: u64) -> usize {
+    usize::try_from(max_age_ns.div_ceil(period_ns.max(1))).unwrap_or(usize::MAX).saturating_add(3)
 }
 
 impl StateSource for Observed {
@@ -141,18 +181,22 @@ impl StateSource for Observed {
             );
         }
         for (index, state) in states.iter_mut().enumerate() {
-            match self.admission.pose(index, instant.now_ns) {
-                Some((pose, stamp_ns)) => {
-                    let told = |from, from_ns| self.held.carry(index, from, from_ns, stamp_ns);
-                    self.frozen_robots += u64::from(self.stillness[index].add(pose, stamp_ns, told));
-                    set_pose(state, self.held.carry(index, pose, stamp_ns, instant.release_ns), true);
-                }
-                None => {
-                    if let Some(pose) = self.admission.last_pose(index) {
-                        set_pose(state, pose, false);
-                    }
-                }
+            let foreign = self.foreign_speed_mps.get(index).copied().flatten();
+            let Some(seen) = self.admission.last_good(index) else {
+                let start = self.admission.last_pose(index).unwrap_or(state.pose());
+                set_pose(state, start, if foreign.is_some() { f64::INFINITY } else { 0.0 }, false);
+                continue;
+            };
+            let valid = self.admission.pose(index, instant.now_ns).is_some();
+            if let Some(speed_mps) = foreign {
+                let age_s = instant.release_ns.abs_diff(seen.1) as f64 * 1e-9;
+                set_pose(state, seen.0, speed_mps * age_s, valid);
+                continue;
             }
+            if valid {
+                self.watch(index, seen);
+            }
+            set_pose(state, self.carry(index, seen, instant.release_ns), 0.0, valid);
         }
     }
 
@@ -175,8 +219,8 @@ struct Held {
 }
 
 impl Held {
-    fn new(robots: usize) -> Self {
-        Self { periods: vec![(0, 0, vec![Command::STOP; robots]); HISTORY], newest: 0 }
+    fn new(robots: usize, history: usize) -> Self {
+        Self { periods: vec![(0, 0, vec![Command::STOP; robots]); history], newest: 0 }
     }
 
     fn remember(&mut self, header: &CommandHeader, commands: &[RobotCommand]) {
@@ -184,7 +228,7 @@ impl Held {
         for (_, until_ns, _) in &mut self.periods {
             *until_ns = (*until_ns).min(header.valid_from_ns);
         }
-        self.newest = (self.newest + 1) % HISTORY;
+        self.newest = (self.newest + 1) % self.periods.len();
         let (from_ns, until_ns, held) = &mut self.periods[self.newest];
         (*from_ns, *until_ns) = (header.valid_from_ns, header.valid_until_ns);
         for (held, command) in held.iter_mut().zip(commands) {
@@ -197,10 +241,15 @@ impl Held {
         let (start_ns, end_ns) = (stamp_ns.min(at_ns), stamp_ns.max(at_ns));
         let backwards = at_ns < stamp_ns;
         let mut pose = pose;
+        let history = self.periods.len();
+        // Those that end after the start: a handful of the newest.
+        let recent = (0..history)
+            .take_while(|back| self.periods[(self.newest + history - back) % history].1 > start_ns)
+            .count();
         // Oldest first, or newest first when going back in time.
-        for step in 0..HISTORY {
-            let slot = if backwards { HISTORY - step } else { step + 1 };
-            let (from_ns, until_ns, held) = &self.periods[(self.newest + slot) % HISTORY];
+        for step in 0..recent {
+            let back = if backwards { step } else { recent - 1 - step };
+            let (from_ns, until_ns, held) = &self.periods[(self.newest + history - back) % history];
             let overlap_ns = end_ns.min(*until_ns).saturating_sub(start_ns.max(*from_ns));
             let Some(command) = held.get(index).filter(|_| overlap_ns > 0) else { continue };
             let s = overlap_ns as f64 * 1e-9;
@@ -219,7 +268,7 @@ mod tests {
     const T: u64 = 100;
 
     fn held() -> Held {
-        let mut held = Held::new(1);
+        let mut held = Held::new(1, 8);
         for tick in 1..5_u64 {
             let header = CommandHeader {
                 tick,
@@ -249,6 +298,29 @@ mod tests {
         close(x(450, 10_000), 12.0);
     }
 
+    /// Half a period late and half a period into the next: no command that matters is overwritten.
+    #[test]
+    fn the_oldest_observation_that_is_let_through_is_carried_over_every_command() {
+        for periods in [1, 7, 8, 100] {
+            let mut held = Held::new(1, history(periods * T, T));
+            for tick in 0..1000_u64 {
+                let header = CommandHeader {
+                    tick,
+                    valid_from_ns: tick * T,
+                    valid_until_ns: (tick + 1) * T,
+                    ..CommandHeader::default()
+                };
+                let command = Command { v_mps: 1e7, omega_radps: 0.0 };
+                held.remember(&header, &[RobotCommand::verified(RobotId(0), command)]);
+                // The commands of `tick` are out, the state of the period before is wanted.
+                let Some(now_ns) = (tick * T).checked_sub(T / 2) else { continue };
+                let Some(stamp_ns) = now_ns.checked_sub(periods * T) else { continue };
+                let pose = held.carry(0, Pose::new(0.0, 0.0, 0.0), stamp_ns, now_ns);
+                assert!((pose.position_m.x - periods as f64).abs() < 1e-9, "{periods} {tick} {pose:?}");
+            }
+        }
+    }
+
     #[test]
     fn a_pose_that_stays_although_the_robot_is_told_to_drive_is_an_alarm() {
         let ahead = |from: Pose, _| Pose::new(from.position_m.x + 0.1, 0.0, 0.0);
@@ -268,7 +340,7 @@ mod tests {
 
     #[test]
     fn forwards_and_backwards_cancel_on_arcs() {
-        let mut held = Held::new(1);
+        let mut held = Held::new(1, 8);
         for tick in 0..3_u64 {
             let header = CommandHeader {
                 tick,

@@ -46,6 +46,7 @@ fn one_wrong_line_gives_its_line_key_and_remedy() {
         ("controller.weights", "v = 0", OutOfRange, "from 0.000001 to 1000000", "from"),
         ("source", "kind = \"ros\"", UnknownName, "plant, observation", "choose one"),
         ("source", "max_age_us = 1000", Contradiction, "stale before the next period", "two"),
+        ("source", "max_age_us = 60000000", Contradiction, "older than 500 periods", "two periods"),
         ("source", "arena_m = 4.0", Contradiction, "robot 0 of scenario `swap8`", "enlarge"),
         ("telemetry", "queue_periods = 0", OutOfRange, "from 1", "from 1"),
     ];

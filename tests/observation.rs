@@ -9,9 +9,15 @@ use clearway::admission::Rejection;
 use clearway::channel::{CommandReader, StateReader, Transport, Writer};
 use clearway::clock::{Clock, MonotonicClock};
 use clearway::config::{Config, SourceKind};
+use clearway::controller::{RobotGroup, Timing};
+use clearway::evaluation::initial_fleet;
+use clearway::figures::Accumulator;
+use clearway::geometry::{Pose, Vec2};
+use clearway::model::Command;
 use clearway::plant::Plant;
 use clearway::runtime::{Daemon, Until};
-use clearway::wire::{RobotCommand, RobotObservation, StopReason, state_flags};
+use clearway::source::{Instant, Observed, StateSource};
+use clearway::wire::{CommandHeader, RobotCommand, RobotObservation, StopReason, state_flags};
 use support::{World, config, lanes, straight};
 
 const T: u64 = 20_000_000;
@@ -146,4 +152,120 @@ fn silence_and_nonsense_stop_the_robots_they_concern() {
         assert!(report.rejected_inputs.get(Rejection::NotFinite) > 0);
         assert!(report.stops["no_state"] > 0 && report.fallback_commands > 0);
     });
+}
+
+/// Two robots head-on, of which one falls silent after `last_heard`: the smallest clearance of the true
+/// plant over continuous time.
+fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64) -> f64 {
+    const T: u64 = 80_000_000;
+    const START: u64 = 1_000_000_000;
+    let mut config = config(world, lanes(2, 12.0), T);
+    for (index, robot) in config.scenario.robots.iter_mut().enumerate() {
+        let (from, to, heading) = [(-6.0, 6.0, 0.0), (6.0, -6.0, std::f64::consts::PI)][index];
+        robot.start = Pose::new(from, 0.0, heading);
+        robot.goal_m = Vec2::new(to, 0.0);
+    }
+    config.controller.guidance = false;
+    config.source.kind = SourceKind::Observation;
+    let node = Transport::new(&config.fleet, &config.channel).unwrap().attach("lockstep").unwrap();
+    let mut observations: Writer<RobotObservation> = node.writer(2).unwrap();
+    let mut source = Observed::new(node.reader().unwrap(), &config.scenario, &config.source, T);
+    let mut plant = Plant::new(&config.scenario, T, START);
+    let mut group = RobotGroup::new(&config, 0..2).unwrap();
+    let mut figures = Accumulator::new(&config.scenario, config.timing.period_s());
+    let (mut states, mut truth) = (initial_fleet(&config), initial_fleet(&config));
+    let mut commands: Vec<RobotCommand> =
+        truth.iter().map(|s| RobotCommand::stop(s.robot(), StopReason::Start)).collect();
+    for tick in 0..60_u64 {
+        let release_ns = START + tick * T;
+        plant.advance(release_ns);
+        for ((state, pose), command) in truth.iter_mut().zip(plant.poses()).zip(&commands) {
+            state.set_pose(pose);
+            state.set_command(command.command());
+        }
+        figures.observe_period(tick, &truth);
+        for (index, robot) in truth.iter().enumerate().filter(|(i, _)| *i != silent || tick <= last_heard) {
+            let sent = observations.publish(|header, records| {
+                (header.sequence, header.stamp_ns) = (2 * tick + index as u64, release_ns);
+                let (x_m, y_m, theta_rad) = (robot.x_m, robot.y_m, robot.theta_rad);
+                records[0] = RobotObservation { id: robot.id, reserved: 0, x_m, y_m, theta_rad };
+                // The other record speaks for nobody.
+                records[1].id = u32::MAX;
+            });
+            sent.unwrap();
+        }
+        for (state, command) in states.iter_mut().zip(&commands) {
+            state.set_command(command.command());
+        }
+        source.observe(Instant { epoch: 7, release_ns, now_ns: release_ns }, &mut states);
+        assert_eq!(states[silent].has(state_flags::VALID), tick <= last_heard + 2);
+        let mut next = commands.clone();
+        group.solve(&states, Timing::LogicalExecutionTime, |index, decision| next[index] = decision.command);
+        commands = next;
+        let header = CommandHeader {
+            epoch: 7,
+            tick: tick + 1,
+            stamp_ns: release_ns,
+            state_stamp_ns: release_ns,
+            valid_from_ns: release_ns + T,
+            valid_until_ns: release_ns + 2 * T,
+        };
+        source.commit(&header, &commands, release_ns);
+        plant.commit(&header, &commands, release_ns);
+    }
+    figures.min_clearance_m()
+}
+
+#[test]
+fn a_robot_that_falls_silent_on_its_way_is_never_run_into() {
+    let world = World::new("headon");
+    for silent in [0, 1] {
+        for last_heard in 4..20 {
+            let clearance_m = clearance_with_a_silent_robot(&world, silent, last_heard);
+            assert!(clearance_m >= -1e-9, "{silent} silent after {last_heard}: {clearance_m} m");
+        }
+    }
+}
+
+#[test]
+fn a_foreign_robot_may_be_as_far_as_it_can_have_driven_since_it_was_seen() {
+    let world = World::new("foreign");
+    let mut config = config(&world, lanes(2, 10.0), T);
+    config.scenario.robots[1].foreign_speed_mps = Some(0.5);
+    let node = Transport::new(&config.fleet, &config.channel).unwrap().attach("lockstep").unwrap();
+    let mut observations: Writer<RobotObservation> = node.writer(2).unwrap();
+    let mut source = Observed::new(node.reader().unwrap(), &config.scenario, &config.source, T);
+    let mut states = initial_fleet(&config);
+    let mut at = |source: &mut Observed, now_ns| {
+        source.observe(Instant { epoch: 7, release_ns: now_ns, now_ns }, &mut states);
+        // Whatever it is told, a foreign robot does not do it.
+        let drive = |s: &clearway::wire::RobotState| {
+            RobotCommand::verified(s.robot(), Command { v_mps: 1.0, omega_radps: 0.0 })
+        };
+        let header =
+            CommandHeader { valid_from_ns: now_ns, valid_until_ns: now_ns + T, ..CommandHeader::default() };
+        let commands: Vec<RobotCommand> = states.iter().map(drive).collect();
+        source.commit(&header, &commands, now_ns);
+        states.clone()
+    };
+    let before = at(&mut source, 10 * T);
+    assert_eq!(before.iter().map(|s| s.uncertainty_m).collect::<Vec<_>>(), [0.0, f64::INFINITY]);
+    assert!(before.iter().all(|s| !s.has(state_flags::VALID)));
+    observations
+        .publish(|header, records| {
+            (header.sequence, header.stamp_ns) = (1, 10 * T);
+            for (record, robot) in records.iter_mut().zip(&before) {
+                *record = RobotObservation { id: robot.id, y_m: robot.y_m, ..RobotObservation::default() };
+            }
+        })
+        .unwrap();
+    for periods in 0..40_u64 {
+        let now = at(&mut source, (10 + periods) * T);
+        assert!(now.iter().all(|s| s.has(state_flags::VALID) == (periods <= 2)));
+        let driven_m = periods as f64 * T as f64 * 1e-9;
+        let (ours, foreign) = (&now[0], &now[1]);
+        assert_eq!((ours.uncertainty_m, foreign.x_m), (0.0, 0.0));
+        assert!((ours.x_m - driven_m).abs() < 1e-9, "{periods}: {ours:?}");
+        assert!((foreign.uncertainty_m - 0.5 * driven_m).abs() < 1e-9, "{periods}: {foreign:?}");
+    }
 }

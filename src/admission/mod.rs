@@ -17,6 +17,7 @@ pub use rejection::{Rejection, Rejections};
 
 use crate::config::SourceConfig;
 use crate::geometry::Pose;
+use crate::model::RobotSpec;
 use crate::scenario::Scenario;
 use crate::wire::{ObservationHeader, RobotObservation};
 use track::{Bounds, Track};
@@ -35,7 +36,6 @@ pub struct Admission {
     writers: Vec<Writer>,
     arena_m: f64,
     max_age_ns: u64,
-    bounds: Bounds,
     rejections: Rejections,
 }
 
@@ -51,14 +51,18 @@ impl Admission {
     /// Admission for the robots of `scenario`, none of them seen yet.
     pub fn new(scenario: &Scenario, config: &SourceConfig, period_ns: u64) -> Self {
         let ids: Vec<u32> = scenario.robots.iter().map(|robot| robot.id.0).collect();
-        let tracks = scenario.robots.iter().map(|robot| Track::new(robot.start)).collect();
+        // One that takes no commands does not keep to our limits either.
+        let bounds = |robot: &RobotSpec| Bounds {
+            speed_mps: robot.foreign_speed_mps.unwrap_or(scenario.limits.speed_mps()),
+            margin_m: config.jump_margin_m,
+        };
+        let tracks = scenario.robots.iter().map(|robot| Track::new(robot.start, bounds(robot))).collect();
         Self {
             ids,
             tracks,
             writers: Vec::with_capacity(WRITERS),
             arena_m: config.arena_m,
-            max_age_ns: config.max_age_ns.unwrap_or(2 * period_ns),
-            bounds: Bounds { speed_mps: scenario.limits.speed_mps(), margin_m: config.jump_margin_m },
+            max_age_ns: config.max_age_or_default_ns(period_ns),
             rejections: Rejections::default(),
         }
     }
@@ -155,7 +159,7 @@ impl Admission {
         if track.speaks_for_another(writer, silent_since) {
             return Err(Rejection::ForeignWriter);
         }
-        track.accept(writer, header, pose, &self.bounds)
+        track.accept(writer, header, pose)
     }
 
     /// The accepted pose of the `index`-th robot and its stamp, unless it is stale at `now_ns`.
@@ -163,6 +167,11 @@ impl Admission {
         let track = self.tracks.get(index)?;
         let (pose, stamp_ns) = track.current()?;
         (now_ns.saturating_sub(stamp_ns) <= self.max_age_ns).then_some((pose, stamp_ns))
+    }
+
+    /// The last good pose of the `index`-th robot and its stamp, however old; none before the first.
+    pub fn last_good(&self, index: usize) -> Option<(Pose, u64)> {
+        self.tracks.get(index)?.last_good()
     }
 
     /// The last good pose of the `index`-th robot, however old: its start before the first one.

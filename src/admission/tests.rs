@@ -9,12 +9,17 @@ const A: u128 = 1;
 const B: u128 = 2;
 
 fn admission() -> Admission {
+    admission_of(None)
+}
+
+/// Robot 9 may be a foreign one.
+fn admission_of(foreign_speed_mps: Option<f64>) -> Admission {
     let robot = |id: u32| RobotSpec {
         id: RobotId(id),
         radius_m: 0.15,
         start: Pose::new(f64::from(id), 0.0, 0.0),
         goal_m: Vec2::new(0.0, 5.0),
-        foreign_speed_mps: None,
+        foreign_speed_mps: foreign_speed_mps.filter(|_| id == 9),
     };
     let scenario = Scenario {
         name: "two".into(),
@@ -164,6 +169,19 @@ fn a_jump_is_in_quarantine_until_enough_samples_agree() {
     offer(&mut a, 13, at(3, 7.0));
     assert_eq!(a.pose(0, 13 * T), Some((Pose::new(7.0, 0.0, 0.0), 13 * T)));
     assert_eq!(a.rejections().get(Rejection::Jump), 10);
+}
+
+#[test]
+fn a_foreign_robot_jumps_by_its_own_speed() {
+    for (speed_mps, accepted) in [(20.0, true), (1.0, false)] {
+        let mut a = admission_of(Some(speed_mps));
+        offer(&mut a, 1, at(9, 9.0));
+        // 1.85 m at 20 m/s, 0.33 m at 1 m/s.
+        offer(&mut a, 2, at(9, 10.8));
+        assert_eq!(a.pose(1, 2 * T).is_some(), accepted);
+        let last = if accepted { (Pose::new(10.8, 0.0, 0.0), 2 * T) } else { (Pose::new(9.0, 0.0, 0.0), T) };
+        assert_eq!(a.last_good(1), Some(last));
+    }
 }
 
 #[test]

@@ -39,6 +39,7 @@ struct Quarantine {
 #[derive(Debug)]
 pub(super) struct Track {
     start: Pose,
+    bounds: Bounds,
     writer: u128,
     /// Writer and sequence of the sample taken last, to notice a robot that stands in it twice.
     sample: Option<(u128, u64)>,
@@ -47,8 +48,8 @@ pub(super) struct Track {
 }
 
 impl Track {
-    pub(super) fn new(start: Pose) -> Self {
-        Self { start, writer: 0, sample: None, good: None, quarantine: None }
+    pub(super) fn new(start: Pose, bounds: Bounds) -> Self {
+        Self { start, bounds, writer: 0, sample: None, good: None, quarantine: None }
     }
 
     /// The newest accepted pose; none in quarantine.
@@ -56,6 +57,11 @@ impl Track {
         if self.quarantine.is_some() {
             return None;
         }
+        self.last_good()
+    }
+
+    /// The last pose that was accepted and when it was true, however old, also in quarantine.
+    pub(super) fn last_good(&self) -> Option<(Pose, u64)> {
         self.good.map(|seen| (seen.pose, seen.stamp_ns))
     }
 
@@ -73,8 +79,8 @@ impl Track {
         writer: u128,
         header: &ObservationHeader,
         pose: Pose,
-        bounds: &Bounds,
     ) -> Result<(), Rejection> {
+        let bounds = &self.bounds;
         if self.sample.replace((writer, header.sequence)) == Some((writer, header.sequence)) {
             // Which of the two is right cannot be known: neither counts.
             self.distrust(Seen { pose, stamp_ns: header.stamp_ns });

@@ -113,7 +113,15 @@ pub enum ChannelError {
         reason: String,
     },
 
-    /// A sample could not be loaned, sent or received.
+    /// There was no memory for a sample: nothing went out.
+    #[error("the channel {channel:?} has no memory for a sample")]
+    #[diagnostic(help("a reader holds too many samples: end it"))]
+    NotLoaned {
+        /// The channel.
+        channel: &'static str,
+    },
+
+    /// A sample could not be sent to every reader, or not received.
     #[error("the channel {channel:?} failed: {reason}")]
     Transfer {
         /// The channel.

@@ -34,7 +34,7 @@ impl<R: Record> Writer<R> {
     /// Takes the memory of the next sample, if it is not there yet. One allocation of 48 bytes.
     ///
     /// # Errors
-    /// [`ChannelError::Transfer`] when shared memory is exhausted.
+    /// [`ChannelError::NotLoaned`] when shared memory is exhausted.
     pub fn prepare(&mut self) -> Result<(), ChannelError> {
         if self.next.is_none() {
             self.next = Some(self.loan()?);
@@ -45,7 +45,8 @@ impl<R: Record> Writer<R> {
     /// Fills the next sample with `fill` and sends it. Allocates only if it was not prepared.
     ///
     /// # Errors
-    /// [`ChannelError::Transfer`] when it could not be loaned or sent.
+    /// [`ChannelError::NotLoaned`] when nothing went out; [`ChannelError::Transfer`] when it did, but
+    /// not to every reader.
     pub fn publish(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
         let mut sample = match self.next.take() {
             Some(sample) => sample,
@@ -77,7 +78,7 @@ impl<R: Record> Writer<R> {
         let sample = self.publisher.loan_slice_uninit(self.robots);
         sample
             .map(|sample| sample.write_from_fn(|_| R::default()))
-            .map_err(|_| Self::failed("no memory for a sample"))
+            .map_err(|_| ChannelError::NotLoaned { channel: R::CHANNEL.name() })
     }
 
     fn failed(reason: &'static str) -> ChannelError {

@@ -3,6 +3,9 @@ use super::read::{Controller, Source, Timing};
 use crate::document::{Document, ErrorKind, Place, Problem};
 use crate::geometry::Vec2;
 
+/// Periods that an observation may be old: the commands of as many are remembered for each robot.
+const MAX_AGE_PERIODS: u64 = 500;
+
 /// Rules between values that are fine alone. A value that was left out has its default; only what
 /// was written can be pointed at.
 pub(super) fn contradictions(doc: &Document, timing: &Timing, controller: &Controller, source: &Source) {
@@ -38,6 +41,14 @@ pub(super) fn contradictions(doc: &Document, timing: &Timing, controller: &Contr
         let places =
             [(source.max_age.as_ref(), "shorter than the period"), (timing.period.as_ref(), "period")];
         conflict(doc, "source.max_age_us", message, places, "allow at least one period, better two");
+    }
+    if source.value.max_age_ns.is_some_and(|age| age > MAX_AGE_PERIODS * t.period_ns) {
+        let message = format!(
+            "observations could be older than {MAX_AGE_PERIODS} periods of {} µs, and robots would be steered from a guess",
+            t.period_ns / 1000
+        );
+        let places = [(source.max_age.as_ref(), "too long"), (timing.period.as_ref(), "period")];
+        conflict(doc, "source.max_age_us", message, places, "two periods are a good choice");
     }
 }
 

@@ -106,6 +106,13 @@ impl Default for SourceConfig {
     }
 }
 
+impl SourceConfig {
+    /// The age from which on an observation is stale, ns.
+    pub fn max_age_or_default_ns(&self, period_ns: u64) -> u64 {
+        self.max_age_ns.unwrap_or(2 * period_ns)
+    }
+}
+
 /// Telemetry's queue and histograms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TelemetryConfig {

@@ -13,7 +13,7 @@ pub use latency::{LatencyHistogram, LatencyNs};
 use crate::geometry::{Pose, Vec2, bearing, min_distance_arcs, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
-use crate::wire::{RobotState, RobotTelemetry, SolveStatus};
+use crate::wire::{RobotState, RobotTelemetry, SolveStatus, state_flags};
 use serde::Serialize;
 
 /// A pair closer than this below its required distance counts as violated, m.
@@ -159,7 +159,9 @@ impl Accumulator {
         self.steps += 1;
         for (track, state) in self.tracks.iter_mut().zip(fleet) {
             track.goal_m = state.goal_m();
-            let inside = (state.position_m() - track.goal_m).norm() <= self.tolerance_m;
+            // Where a robot without a trusted state is, nobody knows.
+            let inside = state.has(state_flags::VALID)
+                && (state.position_m() - track.goal_m).norm() <= self.tolerance_m;
             track.arrived_s = inside.then_some(track.arrived_s.unwrap_or(now_s));
             track.stall(state.pose(), now_s);
             track.driven_m += state.v_mps.abs() * self.period_s;

@@ -2,7 +2,7 @@ use std::sync::Arc;
 use std::thread::Thread;
 
 use super::board::Board;
-use crate::channel::Writer;
+use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
 use crate::model::{Command, Limits, RobotId};
 use crate::schedule::Schedule;
@@ -60,6 +60,12 @@ impl LoopMemory {
         let intents = vec![RobotIntent::default(); states.len()];
         Self { states, commands, intents, committed: None, send_failures: 0 }
     }
+}
+
+/// The intent of a robot that stands although it had other plans. Without one it would be taken to
+/// drive to its goal at full speed.
+fn resting(intent: &RobotIntent) -> RobotIntent {
+    RobotIntent { speed_mps: 0.0, ..*intent }
 }
 
 impl<C: Clock> ControlLoop<C> {
@@ -121,10 +127,8 @@ impl<C: Clock> ControlLoop<C> {
         let in_force = memory.committed == Some(tick);
         let answers = memory.commands.iter().zip(&memory.intents);
         for (state, (command, intent)) in memory.states.iter_mut().zip(answers) {
-            let (command, intent) =
-                if in_force { (command.command(), *intent) } else { (Command::STOP, RobotIntent::default()) };
-            state.set_command(command);
-            state.intent = intent;
+            state.set_command(if in_force { command.command() } else { Command::STOP });
+            state.intent = if in_force { *intent } else { resting(intent) };
         }
         self.source.observe(instant, &mut memory.states);
         for state in &mut memory.states {
@@ -159,7 +163,6 @@ impl<C: Clock> ControlLoop<C> {
         let answers = memory.commands.iter_mut().zip(&mut memory.intents);
         for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
             let staged = self.board.staging.take(index, tick);
-            *intent = staged.map_or_else(RobotIntent::default, |(_, intent)| intent);
             let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
             *command = match staged {
                 _ if state.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
@@ -171,10 +174,19 @@ impl<C: Clock> ControlLoop<C> {
                 Some((staged, _)) if self.limits.admits(staged.command()) => staged,
                 Some(_) => stop(StopReason::Unverified),
             };
+            *intent = match staged {
+                Some((staged, meant))
+                    if state.has(state_flags::VALID) && staged.stop_reason == command.stop_reason =>
+                {
+                    meant
+                }
+                _ => resting(intent),
+            };
         }
     }
 
-    /// Publishes the commands that act in the period after `tick`, unless that has begun.
+    /// Publishes the commands that act in the period after `tick`, unless that has begun; whether they
+    /// went out.
     fn publish_commands(&mut self, tick: u64, state_stamp_ns: u64) -> bool {
         let stamp_ns = self.clock.now_ns();
         let valid_from_ns = self.schedule.release_ns(tick + 1);
@@ -189,8 +201,7 @@ impl<C: Clock> ControlLoop<C> {
             state_stamp_ns,
             valid_from_ns,
             valid_until_ns: self.schedule.release_ns(tick + 2),
-        });
-        true
+        })
     }
 
     /// The command of period 0: stand still until the first state is answered.
@@ -223,17 +234,23 @@ impl<C: Clock> ControlLoop<C> {
         });
     }
 
-    fn send_commands(&mut self, header: &CommandHeader) {
+    /// Sends the commands; whether they went out.
+    fn send_commands(&mut self, header: &CommandHeader) -> bool {
         let memory = &mut self.memory;
         let commands = &memory.commands;
         let sent = self.commands.publish(|head, robots| {
             *head = *header;
             robots.copy_from_slice(commands);
         });
-        // A reader that could not be reached is the only way to fail; the others have it.
         memory.send_failures += u64::from(sent.is_err());
+        if let Err(ChannelError::NotLoaned { .. }) = sent {
+            memory.committed = None;
+            return false;
+        }
+        // A reader that could not be reached leaves the others theirs.
         memory.committed = Some(header.tick);
         self.source.commit(header, commands, header.stamp_ns);
+        true
     }
 
     /// Takes the memory of the next samples: the two allocations of a period.

@@ -8,10 +8,11 @@ use super::Until;
 use super::answers::Answers;
 use super::board::Board;
 use super::decider::Decider;
+use super::driven::Driven;
 use super::error::DaemonError;
 use super::housekeeping::{Findings, Forecast, Housekeeper};
 use super::progress::Progress;
-use super::starting::{EndOnDrop, join_until, shares, spawn, wait};
+use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
 use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
 use crate::audit::{self, Auditor, Recorder};
@@ -223,6 +224,8 @@ impl Daemon {
                 }
             };
             let _ = ready.send(Ok(()));
+            // The loop must not run on with nobody to notice that it is to end.
+            let stop = StopOnDrop(&common.board);
             let answers = Answers::new(robots, solves.len(), capacity + 2);
             let housekeeper = Housekeeper {
                 node,
@@ -231,6 +234,7 @@ impl Daemon {
                 solves,
                 board: Arc::clone(&common.board),
                 accumulator: Accumulator::new(&config.scenario, period_s),
+                driven: Driven::default(),
                 answers,
                 statistics,
                 progress,
@@ -240,7 +244,9 @@ impl Daemon {
                 poll: poll_interval(config),
                 auditor,
             };
-            Some(housekeeper.run())
+            let findings = housekeeper.run();
+            drop(stop);
+            Some(findings)
         })?;
         self.housekeeping = Some(thread);
         readiness.recv().map_err(|_| DaemonError::Panicked { thread: "housekeeping" })??;

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use super::Until;
 use super::answers::Answers;
 use super::board::{Board, Released};
+use super::driven::Driven;
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::watchdog::Change;
@@ -36,6 +37,7 @@ pub(super) struct Housekeeper {
     pub(super) solves: Vec<Arc<Pool<SolveRecord>>>,
     pub(super) board: Arc<Board>,
     pub(super) accumulator: Accumulator,
+    pub(super) driven: Driven,
     pub(super) answers: Answers,
     pub(super) statistics: Statistics,
     pub(super) progress: Arc<Mutex<Progress>>,
@@ -96,6 +98,7 @@ impl Housekeeper {
             settled,
             forecast,
             auditor,
+            driven,
             ..
         } = self;
         let audit = auditor.as_ref().map(Auditor::report).unwrap_or_default();
@@ -114,7 +117,11 @@ impl Housekeeper {
                         audit_max_input_gap: audit.max_input_gap,
                         ..statistics.add_period(period, answers.get(period.header.tick))
                     };
+                    if let Some((tick, states)) = driven.unrecorded(period) {
+                        accumulator.observe_period(tick, states);
+                    }
                     accumulator.observe_period(period.header.tick, &period.states);
+                    driven.remember(period, statistics.period_s);
                     *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);
                 })

@@ -23,6 +23,7 @@ mod board;
 mod control_loop;
 mod daemon;
 mod decider;
+mod driven;
 mod error;
 mod housekeeping;
 mod progress;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::board::Board;
 use super::error::DaemonError;
 use crate::realtime::ThreadGrant;
+use crate::wire::StopReason;
 
 /// Waits for a thread until `end`.
 ///
@@ -34,6 +35,15 @@ pub(super) struct EndOnDrop<'a>(pub(super) &'a Board);
 impl Drop for EndOnDrop<'_> {
     fn drop(&mut self) {
         self.0.end();
+    }
+}
+
+/// Asks for the end of the run when housekeeping ends, however it does.
+pub(super) struct StopOnDrop<'a>(pub(super) &'a Board);
+
+impl Drop for StopOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.request_stop(StopReason::Operator);
     }
 }
 
@@ -74,6 +84,18 @@ mod tests {
         assert_eq!(shares(2, 2).collect::<Vec<_>>(), [0..1, 1..2]);
         assert!(shares(5, 0).eq(std::iter::once(0..5)));
         assert_eq!(shares(1000, 7).map(|share| share.len()).sum::<usize>(), 1000);
+    }
+
+    #[test]
+    fn a_panic_in_housekeeping_asks_for_the_end() {
+        let board = std::sync::Arc::new(Board::new(vec![0]));
+        let shared = std::sync::Arc::clone(&board);
+        let house = std::thread::spawn(move || {
+            let _stop = StopOnDrop(&shared);
+            std::panic::resume_unwind(Box::new("a fault, injected"));
+        });
+        assert!(house.join().is_err());
+        assert_eq!(board.stop_requested(), Some(StopReason::Operator));
     }
 
     #[test]

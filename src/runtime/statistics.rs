@@ -9,7 +9,7 @@ use super::progress::Progress;
 use crate::admission::Rejections;
 use crate::figures::LatencyHistogram;
 use crate::telemetry::{PeriodRecord, SolveRecord};
-use crate::wire::{SolveStatus, StopReason, TelemetryHeader};
+use crate::wire::{RobotCommand, SolveStatus, StopReason, TelemetryHeader};
 
 /// Everything about a run that is counted or timed.
 #[derive(Debug, Clone)]
@@ -90,8 +90,12 @@ impl Statistics {
     pub(super) fn add_period(&mut self, period: &PeriodRecord, answer: Option<&Answer>) -> TelemetryHeader {
         let mut header = period.header;
         let missing = self.count_stops(period);
-        let stopped = if period.published { missing.stops } else { self.robots };
-        header.fallback_commands = stopped + header.skipped_periods * self.robots;
+        let foreign = |c: &&RobotCommand| c.stop_reason == StopReason::Foreign as u32;
+        let commanded = self.robots - period.commands.iter().filter(foreign).count() as u64;
+        let stopped = if period.published { missing.stops } else { commanded };
+        // The first skipped period was driven by commands that are counted where they were given; the
+        // one that is recorded here was not, and takes its place.
+        header.fallback_commands = stopped + header.skipped_periods * commanded;
         if let Some(answer) = answer.filter(|answer| answer.known as u64 == self.robots) {
             header.state_to_staged_ns = answer.staged_ns;
             self.state_to_staged.record(answer.staged_ns);

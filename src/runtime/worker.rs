@@ -12,6 +12,31 @@ use crate::wire::{RobotState, RobotTelemetry};
 
 /// Panics after which a worker stays down: what fails so often is not an accident.
 const RESTARTS_MAX: u64 = 3;
+/// Periods in a row without a panic after which earlier ones are forgiven.
+const FORGIVEN_AFTER: u64 = 1000;
+
+/// How often a worker has failed lately.
+#[derive(Debug, Default)]
+struct Lapses {
+    panics: u64,
+    clean: u64,
+}
+
+impl Lapses {
+    /// A period that was worked through.
+    fn clean(&mut self) {
+        self.clean += 1;
+        if self.clean >= FORGIVEN_AFTER {
+            *self = Self::default();
+        }
+    }
+
+    /// A panic; whether the worker may go on.
+    fn panic(&mut self) -> bool {
+        *self = Self { panics: self.panics + 1, clean: 0 };
+        self.panics <= RESTARTS_MAX
+    }
+}
 
 /// One worker: the robots of `owned`, which nobody else touches.
 pub(super) struct Worker {
@@ -31,7 +56,7 @@ impl Worker {
     pub(super) fn run<D: Decider>(&mut self, first: D, make: impl Fn() -> Option<D>) {
         let mut decider = Some(first);
         let mut known = None;
-        let mut panics = 0;
+        let mut lapses = Lapses::default();
         loop {
             match self.board.released(known) {
                 Released::Over => return,
@@ -40,10 +65,11 @@ impl Worker {
                     known = Some(tick);
                     let Some(current) = &mut decider else { continue };
                     // The decider is thrown away after a panic, so nobody sees it half changed.
-                    if catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_err() {
-                        panics += 1;
+                    if catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_ok() {
+                        lapses.clean();
+                    } else {
                         self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
-                        decider = if panics <= RESTARTS_MAX { make() } else { None };
+                        decider = if lapses.panic() { make() } else { None };
                         if decider.is_none() {
                             self.board.workers_lost.fetch_add(1, Ordering::Relaxed);
                         }
@@ -96,4 +122,24 @@ fn decide<D: Decider>(
             tell(index, &decision.telemetry);
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rare_panics_are_forgiven_and_frequent_ones_are_not() {
+        let mut rare = Lapses::default();
+        for _ in 0..20 {
+            assert!(rare.panic());
+            (0..FORGIVEN_AFTER).for_each(|_| rare.clean());
+        }
+        let mut frequent = Lapses::default();
+        for _ in 0..RESTARTS_MAX {
+            assert!(frequent.panic());
+            (1..FORGIVEN_AFTER).for_each(|_| frequent.clean());
+        }
+        assert!(!frequent.panic());
+    }
 }
