@@ -18,7 +18,7 @@ use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::schedule::Schedule;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{CommandHeader, RobotCommand, RobotState, StateHeader, StopReason};
+use crate::wire::{CommandHeader, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason};
 
 #[path = "../../tests/support/mod.rs"]
 mod support;
@@ -300,7 +300,8 @@ impl Decider for Faulty {
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
         (self.fault)(self.periods, &self.inner.owned);
         self.periods += 1;
-        self.inner.decide(fleet, each);
+        let intent = RobotIntent { speed_mps: 2.0, target_x_m: 9.0, valid: 1, ..RobotIntent::default() };
+        self.inner.decide(fleet, &mut |index, decision| each(index, &Decision { intent, ..*decision }));
     }
 }
 
@@ -330,6 +331,17 @@ fn a_worker_that_panics_stops_its_robots_for_one_period_and_is_built_anew() {
         (StopReason::Start as u32, StopReason::Finished as u32, StopReason::Deadline as u32);
     assert_eq!(reasons_of(&seen, 0), [start, 0, 0, 0, missed, 0, 0, 0, 0, end]);
     assert_eq!(reasons_of(&seen, 1), [start, 0, 0, 0, 0, 0, 0, 0, 0, end]);
+    // While it stands it keeps its plans, at speed 0, and nobody expects it to drive.
+    let intents = |robot: usize| -> Vec<(u32, f64, f64)> {
+        let of = |(_, robots): &(StateHeader, Vec<RobotState>)| {
+            let intent = robots[robot].intent;
+            (intent.valid, intent.speed_mps, intent.target_x_m)
+        };
+        seen.states.iter().map(of).collect()
+    };
+    let (none, drives, stands) = ((0, 0.0, 0.0), (1, 2.0, 9.0), (1, 0.0, 9.0));
+    assert_eq!(intents(0), [none, drives, drives, drives, stands, drives, drives, drives]);
+    assert_eq!(intents(1), [none, drives, drives, drives, drives, drives, drives, drives]);
     assert_eq!(board.worker_panics.load(Ordering::Relaxed), 1);
     assert_eq!(board.workers_lost.load(Ordering::Relaxed), 0);
 }
