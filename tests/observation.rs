@@ -47,7 +47,7 @@ impl External {
             while let Some(sample) = commands.next().unwrap() {
                 epoch = sample.header().epoch;
                 for (index, command) in sample.robots().iter().enumerate() {
-                    // A late command is refused, and the robot stands: that is the gate's to decide.
+                    // The gate decides: a command that comes late acts for the rest of its period.
                     let _ = plant.command(index, sample.header(), command, now_ns);
                 }
             }

@@ -7,7 +7,7 @@
 use crate::config::Config;
 use crate::controller::{ControllerError, Decision, RobotGroup, Timing};
 use crate::figures::{Accumulator, ControlFigures, LatencyHistogram, LatencyNs};
-use crate::model::Command;
+use crate::model::{Command, RobotSpec};
 use crate::programme::Programme;
 use crate::wire::{RobotState, StopReason, state_flags};
 use serde::Serialize;
@@ -52,20 +52,12 @@ pub enum EvaluationError {
 
 /// The states at the start of a scenario, nobody moving.
 pub fn initial_fleet(config: &Config) -> Vec<RobotState> {
-    let state = |spec: &crate::model::RobotSpec| {
-        let mut state = RobotState {
-            id: spec.id.0,
-            flags: state_flags::VALID
-                | if spec.foreign_speed_mps.is_some() { state_flags::FOREIGN } else { 0 },
-            goal_x_m: spec.goal_m.x,
-            goal_y_m: spec.goal_m.y,
-            radius_m: spec.radius_m,
-            ..RobotState::default()
-        };
-        state.set_pose(spec.start);
+    let observed = |robot: &RobotSpec| {
+        let mut state = RobotState::at_start(robot);
+        state.flags |= state_flags::VALID;
         state
     };
-    config.scenario.robots.iter().map(state).collect()
+    config.scenario.robots.iter().map(observed).collect()
 }
 
 /// Runs `config.scenario` until everybody has arrived and stands, or its time is up.

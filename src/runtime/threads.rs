@@ -17,7 +17,7 @@ use crate::realtime::{Role, ThreadGrant, enter};
 use crate::schedule::Schedule;
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{RobotState, StopReason, state_flags};
+use crate::wire::{RobotState, StopReason};
 
 /// Periods between the go and period 0, so that every thread is asleep when it starts.
 const LEAD_PERIODS: u64 = 2;
@@ -59,19 +59,7 @@ impl Common {
 
     /// States before the first period: at the starts, at rest, not valid.
     pub(super) fn first_states(&self) -> Vec<RobotState> {
-        let state = |robot: &crate::model::RobotSpec| {
-            let mut state = RobotState {
-                id: robot.id.0,
-                goal_x_m: robot.goal_m.x,
-                goal_y_m: robot.goal_m.y,
-                radius_m: robot.radius_m,
-                flags: if robot.foreign_speed_mps.is_some() { state_flags::FOREIGN } else { 0 },
-                ..RobotState::default()
-            };
-            state.set_pose(robot.start);
-            state
-        };
-        self.config.scenario.robots.iter().map(state).collect()
+        self.config.scenario.robots.iter().map(RobotState::at_start).collect()
     }
 }
 

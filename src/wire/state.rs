@@ -1,5 +1,5 @@
 use crate::geometry::{Arc, Pose, Vec2};
-use crate::model::{Command, RobotId};
+use crate::model::{Command, RobotId, RobotSpec};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bits of [`RobotState::flags`].
@@ -91,6 +91,20 @@ pub struct RobotIntent {
 }
 
 impl RobotState {
+    /// A robot at rest at its start, its pose not yet confirmed by an observation.
+    pub fn at_start(robot: &RobotSpec) -> Self {
+        let mut state = Self {
+            id: robot.id.0,
+            flags: if robot.foreign_speed_mps.is_some() { state_flags::FOREIGN } else { 0 },
+            goal_x_m: robot.goal_m.x,
+            goal_y_m: robot.goal_m.y,
+            radius_m: robot.radius_m,
+            ..Self::default()
+        };
+        state.set_pose(robot.start);
+        state
+    }
+
     /// Id of the robot.
     pub fn robot(&self) -> RobotId {
         RobotId(self.id)

@@ -52,7 +52,7 @@ fn main() -> ExitCode {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(NOT_PASSED),
         Err(error) => {
-            eprintln!("Error: {error:?}");
+            eprintln!("{error:?}");
             ExitCode::from(WRONG_INPUT)
         }
     }
