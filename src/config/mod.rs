@@ -24,6 +24,7 @@
 mod channel;
 mod checked;
 mod controller;
+mod guidance;
 mod read;
 mod rules;
 mod runtime;
@@ -31,6 +32,7 @@ mod runtime;
 pub use channel::ChannelConfig;
 pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
+pub use guidance::GuidanceParams;
 pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
 
 use crate::document::{ConfigError, Document};
@@ -50,6 +52,8 @@ pub struct Config {
     pub realtime: RealTimeConfig,
     /// The control law.
     pub controller: ControllerConfig,
+    /// How robots avoid each other ahead of time.
+    pub guidance: GuidanceParams,
     /// Where states come from.
     pub source: SourceConfig,
     /// Queues and histograms.
@@ -67,6 +71,7 @@ impl Config {
             timing: TimingConfig::default(),
             realtime: RealTimeConfig::default(),
             controller: ControllerConfig::default(),
+            guidance: GuidanceParams::default(),
             source: SourceConfig::default(),
             telemetry: TelemetryConfig::default(),
             channel: ChannelConfig::default(),

@@ -3,8 +3,8 @@
 
 use super::rules::{arena_holds_the_scenario, contradictions};
 use super::{
-    ChannelConfig, Config, ControllerConfig, RealTimeConfig, SourceConfig, TelemetryConfig, TimingConfig,
-    Weights,
+    ChannelConfig, Config, ControllerConfig, GuidanceParams, RealTimeConfig, SourceConfig, TelemetryConfig,
+    TimingConfig, Weights,
 };
 use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::scenario::{Scenario, has_file_ending};
@@ -41,6 +41,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     let timing = timing(root.section("timing"));
     let realtime = realtime(root.section("realtime"));
     let controller = controller(root.section("controller"));
+    let guidance = GuidanceParams::read(root.section("guidance"));
     let source = source(root.section("source"));
     let telemetry = telemetry(root.section("telemetry"));
     let channel = channel(root.section("channel"));
@@ -59,6 +60,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
         timing: timing.value,
         realtime,
         controller: controller.value,
+        guidance,
         source: source.value,
         telemetry,
         channel,

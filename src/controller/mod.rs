@@ -171,7 +171,7 @@ impl RobotGroup {
         let law = Law {
             control,
             limits: scenario.limits,
-            guidance: guidance::Params::default(),
+            guidance: config.guidance,
             period_s: config.timing.period_s(),
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),

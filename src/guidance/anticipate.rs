@@ -9,7 +9,7 @@
 //! all in seconds. Right turns cost less than left ones, so that mirrored robots choose the same side. At most
 //! 57 candidates x 16 steps x 16 neighbours; most candidates are given up early.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView};
 use super::{bypass, roundabout};
 use crate::geometry::{Vec2, rotate, unit, wrap};

@@ -3,7 +3,7 @@
 //! The robot goes straight and stops with room for them to move, then squeezes through what they left. `giveway` is
 //! the other half.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Drive, Ego, Limits, Memory, Neighbour};
 use crate::geometry::unit;
 

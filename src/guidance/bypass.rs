@@ -4,7 +4,7 @@
 //! cluster, the robot steers for the tangent of one edge and keeps that side until the way is free. Bounded: O(n²) over
 //! the neighbours given.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour};
 use crate::geometry::{Vec2, wrap};
 use core::f64::consts::PI;

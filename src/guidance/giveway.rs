@@ -4,7 +4,7 @@
 //! beside the other's path, and takes over that rank while it does, so that those behind it make room as well.
 //! Ranks are ids, so that a finite group always has one robot nobody asks to move. Bounded: 16 directions x 3 lengths.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Way};
 use crate::geometry::{Vec2, closest_point_on_segment, unit, wrap};
 

@@ -3,7 +3,7 @@
 //! x* = argmin ‖x − x_pref‖² subject to n·x ≥ −g/2 (d − ρ − m) for every neighbour (full g for a static obstacle).
 //! When x* is shorter than η‖x_pref‖, x_pref is turned clockwise until it is not; the angle is remembered and decays.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Drive, Ego, Limits, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView};
 use crate::geometry::{Vec2, rotate, unit, wrap};
 

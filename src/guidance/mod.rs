@@ -22,14 +22,13 @@ mod bypass;
 mod contact;
 mod giveway;
 mod halfplane;
-mod params;
 mod progress;
 mod queue;
 mod roundabout;
 mod route;
 mod types;
 
-pub use params::Params;
+pub use crate::config::GuidanceParams as Params;
 pub use route::Route;
 pub use types::{
     Ego, Guidance, Intent, Limits, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView,

@@ -1,6 +1,6 @@
 //! Progress: motion, turning one way on the spot, or waiting in a queue that moves. The rest counts as blocked.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Ego, Limits, Memory};
 
 /// A queue that leaves less speed than this makes the robot wait.

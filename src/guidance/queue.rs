@@ -2,7 +2,7 @@
 //!
 //! Without it everybody pushes to the opening and nobody has room left to turn.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Ego, Neighbour};
 use crate::geometry::unit;
 

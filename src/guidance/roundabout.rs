@@ -10,7 +10,7 @@
 //! gives everybody a lane of width s. On a circle of N robots it is the ring of circumference N s, and no robot needs
 //! to know N. It depends on positions and targets only, so it does not oscillate.
 
-use super::params::Params;
+use super::Params;
 use super::types::{Ego, Limits, Neighbour};
 
 /// Share of the horizon over which a conflict fades in.

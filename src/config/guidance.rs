@@ -3,9 +3,12 @@
 //! One set of defaults serves every scenario; they come from a random search over 80 training scenarios and were checked
 //! on other seeds and sizes.
 
+use crate::document::Section;
+use std::ops::Bound::{Excluded, Included};
+
 /// Parameters of the guidance layer. None of them can endanger safety: the hard rows hold for any guidance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Params {
+pub struct GuidanceParams {
     /// m, robots farther than this are not looked at by any rule.
     pub sight_m: f64,
 
@@ -125,7 +128,7 @@ pub struct Params {
     pub ask_room_m: f64,
 }
 
-impl Default for Params {
+impl Default for GuidanceParams {
     fn default() -> Self {
         Self {
             sight_m: 8.0,
@@ -179,5 +182,64 @@ impl Default for Params {
             ask_s: 8.0,
             ask_room_m: 0.3,
         }
+    }
+}
+
+impl GuidanceParams {
+    /// Reads a `[guidance]` section over the defaults.
+    pub(super) fn read(mut s: Section<'_>) -> Self {
+        let mut p = Self::default();
+        s.set_number("sight_m", &mut p.sight_m, (Excluded(0.0), Included(1000.0)));
+        s.set_number("lane_gap_m", &mut p.lane_gap_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("lane_horizon_s", &mut p.lane_horizon_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("lane_wrong_m", &mut p.lane_wrong_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("lane_beta_max_rad", &mut p.lane_beta_max_rad, (Excluded(0.0), Included(3.2)));
+        s.set_number("lane_close", &mut p.lane_close, (Excluded(0.0), Included(100.0)));
+        s.set_number("lane_single", &mut p.lane_single, (Included(0.0), Included(1.0)));
+        s.set_number("step_s", &mut p.step_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("hold_s", &mut p.hold_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("range_m", &mut p.range_m, (Excluded(0.0), Included(1000.0)));
+        s.set_number("prox_weight", &mut p.prox_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("prox_margin_m", &mut p.prox_margin_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("prox_fade", &mut p.prox_fade, (Included(0.0), Excluded(1.0)));
+        s.set_number("overlap_weight", &mut p.overlap_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("left_weight", &mut p.left_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("right_weight", &mut p.right_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("hysteresis_weight", &mut p.hysteresis_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("slow_weight", &mut p.slow_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("turn_weight", &mut p.turn_weight, (Included(0.0), Included(1000.0)));
+        s.set_number("align_cos", &mut p.align_cos, (Excluded(-1.0), Excluded(1.0)));
+        s.set_number("arc_gain", &mut p.arc_gain, (Excluded(0.0), Included(1.0)));
+        s.set_number("row_rate", &mut p.row_rate, (Excluded(0.0), Included(100.0)));
+        s.set_number("other_speed_min_mps", &mut p.other_speed_min_mps, (Excluded(0.0), Included(100.0)));
+        s.set_number("parked_margin_m", &mut p.parked_margin_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("standoff_m", &mut p.standoff_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("pass_gap_m", &mut p.pass_gap_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("bypass_room_m", &mut p.bypass_room_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("bypass_left_m", &mut p.bypass_left_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("squeeze_s", &mut p.squeeze_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("give_up_around_s", &mut p.give_up_around_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("blocked_enter_s", &mut p.blocked_enter_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("fallback_hold_s", &mut p.fallback_hold_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("plane_gain", &mut p.plane_gain, (Excluded(0.0), Included(100.0)));
+        s.set_number("plane_margin_m", &mut p.plane_margin_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("eta", &mut p.eta, (Excluded(0.0), Excluded(1.0)));
+        s.set_number("beta_max_rad", &mut p.beta_max_rad, (Excluded(0.0), Included(3.2)));
+        s.set_number("beta_decay_rad", &mut p.beta_decay_rad, (Excluded(0.0), Included(3.2)));
+        s.set_number("align_slope", &mut p.align_slope, (Excluded(0.0), Included(100.0)));
+        s.set_number("moving_fraction", &mut p.moving_fraction, (Excluded(0.0), Excluded(1.0)));
+        s.set_number("slide_after_s", &mut p.slide_after_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("queue_gap_m", &mut p.queue_gap_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("queue_patience_s", &mut p.queue_patience_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("give_way_after_s", &mut p.give_way_after_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("parked_wait_s", &mut p.parked_wait_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("give_way_s", &mut p.give_way_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("give_way_rest_s", &mut p.give_way_rest_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("give_way_reach_m", &mut p.give_way_reach_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("ask_after_s", &mut p.ask_after_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("ask_s", &mut p.ask_s, (Excluded(0.0), Included(3600.0)));
+        s.set_number("ask_room_m", &mut p.ask_room_m, (Excluded(0.0), Included(100.0)));
+        s.finish();
+        p
     }
 }
