@@ -30,7 +30,7 @@ const SIZES: [usize; 4] = [4, 8, 16, 32];
 /// interval around it the last digits and the multipliers come from the optimality conditions in
 /// closed form. When they would leave the trust interval, Clarabel's own numbers stay.
 ///
-/// Tens of microseconds a solve. Updating the data does not allocate; Clarabel itself may.
+/// Tens of microseconds a solve. Updating the data does not allocate; Clarabel allocates once a solve.
 pub struct ClarabelSolver {
     workspaces: Vec<Workspace>,
     polished: Option<Solution>,
