@@ -10,7 +10,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service;
 
 use super::error::SHARED_MEMORY;
 use super::{Channel, ChannelError, Owner, Reader, Record, Writer};
-use crate::config::ChannelConfig;
+use crate::config::{ChannelConfig, is_fleet_name};
 use crate::wire::{RobotCommand, RobotState, RobotTelemetry};
 
 /// Nodes that a service can have: the daemon's threads and everybody who is attached.
@@ -43,8 +43,7 @@ impl Transport {
     /// # Errors
     /// [`ChannelError::FleetName`] or [`ChannelError::Location`].
     pub fn new(fleet: &str, settings: &ChannelConfig) -> Result<Self, ChannelError> {
-        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-        if fleet.is_empty() || fleet.len() > 64 || !fleet.chars().all(allowed) {
+        if !is_fleet_name(fleet) {
             return Err(ChannelError::FleetName { name: fleet.to_owned() });
         }
         // Explicit, because iceoryx2 otherwise looks for a file relative to the working directory.

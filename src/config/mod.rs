@@ -62,6 +62,12 @@ pub struct Config {
     pub channel: ChannelConfig,
 }
 
+/// Whether `name` can be part of channel names, and of file names under `/dev/shm`.
+pub fn is_fleet_name(name: &str) -> bool {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    (1..=64).contains(&name.len()) && name.chars().all(allowed)
+}
+
 impl Config {
     /// The defaults around a scenario.
     pub fn new(scenario: Scenario) -> Self {

@@ -4,7 +4,7 @@
 use super::rules::{arena_holds_the_scenario, contradictions};
 use super::{
     ChannelConfig, Config, ControllerConfig, GuidanceParams, RealTimeConfig, SourceConfig, TelemetryConfig,
-    TimingConfig, Weights,
+    TimingConfig, Weights, is_fleet_name,
 };
 use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::scenario::{Scenario, has_file_ending};
@@ -71,11 +71,9 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     Ok(config)
 }
 
-/// The fleet's name is part of channel names, and of file names under `/dev/shm`.
 fn fleet(root: &mut Section<'_>) -> Option<String> {
     let name = root.text("fleet")?;
-    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if name.value.is_empty() || name.value.len() > 64 || !name.value.chars().all(allowed) {
+    if !is_fleet_name(&name.value) {
         let message = format!("`{}` cannot be part of a channel's name", name.value);
         root.refuse("fleet", &name.place, &message, "use 1 to 64 of the characters a-z, A-Z, 0-9, - and _");
         return None;

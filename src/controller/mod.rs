@@ -90,21 +90,32 @@ struct Law {
     foreign_speed_mps: Vec<Option<f64>>,
     /// Periods from the states to the end of the period in which the commands act.
     foreign_periods: f64,
+    /// Largest radius of the fleet, m, and how far at most a robot may be from where it is seen, m: of
+    /// this period's states.
+    largest_radius_m: f64,
+    unknown_m: f64,
 }
 
 impl Law {
-    /// How far a robot has to see for every row that can bind, m.
-    fn sight_m(&self, fleet: &[RobotState], me: usize) -> f64 {
-        let largest = fleet.iter().fold(0.0f64, |r, s| r.max(s.radius_m));
-        let unseen = fleet.iter().fold(0.0f64, |u, s| u.max(s.uncertainty_m));
-        let required = self.limits.safety_margin_m + fleet[me].radius_m + largest;
-        let rate = self.control.gamma.min(self.control.comfort_gamma);
-        let foreign =
-            self.foreign_speed_mps.iter().flatten().fold(0.0f64, |fastest, speed| fastest.max(*speed));
-        // What others may have moved, or may move, without keeping to their share.
+    /// Takes in what is the same for all robots in this period.
+    fn prepare(&mut self, fleet: &[RobotState], timing: Timing) {
+        self.foreign_periods = match timing {
+            Timing::LogicalExecutionTime => 2.0,
+            Timing::Ideal => 1.0,
+        };
+        let largest = |of: fn(&RobotState) -> f64| fleet.iter().map(of).fold(0.0f64, f64::max);
+        let foreign = self.foreign_speed_mps.iter().flatten().copied().fold(0.0f64, f64::max);
         let untrusted = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
-        let unknown = untrusted.max(unseen + self.foreign_periods * self.period_s * foreign);
-        activation_m(required + unknown, self.limits.speed_mps(), self.period_s, rate, 0.5)
+        let unseen = largest(|robot| robot.uncertainty_m);
+        self.largest_radius_m = largest(|robot| robot.radius_m);
+        self.unknown_m = untrusted.max(unseen + self.foreign_periods * self.period_s * foreign);
+    }
+
+    /// How far a robot of this radius has to see for every row that can bind, m.
+    fn sight_m(&self, radius_m: f64) -> f64 {
+        let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
+        let rate = self.control.gamma.min(self.control.comfort_gamma);
+        activation_m(required + self.unknown_m, self.limits.speed_mps(), self.period_s, rate, 0.5)
     }
 }
 
@@ -176,6 +187,8 @@ impl RobotGroup {
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),
             foreign_periods: 0.0,
+            largest_radius_m: 0.0,
+            unknown_m: 0.0,
             foreign_speed_mps: scenario.robots.iter().map(|robot| robot.foreign_speed_mps).collect(),
         };
         Ok(Self {
@@ -215,10 +228,7 @@ impl RobotGroup {
         if fleet.len() != self.predicted.len() {
             return;
         }
-        self.law.foreign_periods = match timing {
-            Timing::LogicalExecutionTime => 2.0,
-            Timing::Ideal => 1.0,
-        };
+        self.law.prepare(fleet, timing);
         for (predicted, now) in self.predicted.iter_mut().zip(fleet) {
             *predicted = *now;
             if timing == Timing::LogicalExecutionTime {

@@ -8,7 +8,7 @@ use crate::geometry::{Vec2, bearing, wrap};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
 };
-use crate::model::{Command, Obstacle, RobotId, RobotSpec};
+use crate::model::{Command, RobotId, RobotSpec};
 use crate::neighbours::Nearby;
 use crate::programme::{Certificate, Interval};
 use crate::solver::{Outcome, Solver, optimal_speed, optimal_turn_rate};
@@ -43,13 +43,6 @@ struct Aim {
     guidance: Guidance,
     /// Stay: inside the tolerance of the goal and not asked away.
     holding: bool,
-}
-
-fn view(obstacle: &Obstacle, keep_m: f64) -> ObstacleView {
-    match *obstacle {
-        Obstacle::Circle { centre_m, radius_m } => ObstacleView::Circle { centre_m, radius_m, keep_m },
-        Obstacle::Segment { from_m, to_m } => ObstacleView::Segment { from_m, to_m, keep_m },
-    }
 }
 
 /// An intent as it is told to the others.
@@ -124,7 +117,8 @@ fn arrived(law: &Law, robot: &RobotState) -> bool {
 impl RobotController {
     pub(super) fn new(law: &Law, spec: &RobotSpec, index: usize) -> Self {
         let keep_m = law.limits.safety_margin_m + spec.radius_m;
-        let views: Vec<ObstacleView> = law.obstacles.iter().map(|o| view(o, keep_m)).collect();
+        let views: Vec<ObstacleView> =
+            law.obstacles.iter().map(|&obstacle| ObstacleView { obstacle, keep_m }).collect();
         Self {
             index,
             id: spec.id,
@@ -171,8 +165,7 @@ impl RobotController {
         telemetry: &mut RobotTelemetry,
     ) -> Result<Command, StopReason> {
         let own = &fleet[self.index];
-        let near =
-            work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(fleet, self.index)));
+        let near = work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(own.radius_m)));
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
         let aim = self.aim(law, fleet, near);
         Self::note(law, &aim, telemetry);
@@ -266,7 +259,6 @@ impl RobotController {
             id: self.id.0,
             position_m: here,
             heading_rad: own.theta_rad,
-            radius_m: own.radius_m,
             target_m,
             beyond_m,
             v_mps: own.v_mps,

@@ -4,6 +4,7 @@
 
 use super::types::ObstacleView;
 use crate::geometry::{Vec2, closest_point_on_segment, segment_distance, unit};
+use crate::model::Obstacle;
 use std::f64::consts::PI;
 
 /// Corners of the polygon put around a circle or the end of a segment.
@@ -34,13 +35,11 @@ impl Route {
     pub fn build(obstacles: &[ObstacleView], goal_m: Vec2) -> Self {
         let mut points = Vec::new();
         for o in obstacles {
-            match *o {
-                ObstacleView::Circle { centre_m, radius_m, keep_m } => {
-                    corners(centre_m, radius_m + keep_m, &mut points);
-                }
-                ObstacleView::Segment { from_m, to_m, keep_m } => {
-                    corners(from_m, keep_m, &mut points);
-                    corners(to_m, keep_m, &mut points);
+            match o.obstacle {
+                Obstacle::Circle { centre_m, .. } => corners(centre_m, o.required_m(), &mut points),
+                Obstacle::Segment { from_m, to_m } => {
+                    corners(from_m, o.required_m(), &mut points);
+                    corners(to_m, o.required_m(), &mut points);
                 }
             }
         }
@@ -120,13 +119,10 @@ fn sees(p: Vec2, q: Vec2, room_m: f64, obstacles: &[ObstacleView]) -> bool {
     obstacles.iter().all(|o| {
         let have = o.clearance(p).1.min(o.clearance(q).1);
         let room = room_m.min(0.95 * have);
-        match *o {
-            ObstacleView::Circle { centre_m, radius_m, keep_m } => {
-                (closest_point_on_segment(centre_m, p, q) - centre_m).norm() >= radius_m + keep_m + room
-            }
-            ObstacleView::Segment { from_m, to_m, keep_m } => {
-                segment_distance(p, q, from_m, to_m) >= keep_m + room
-            }
-        }
+        let apart = match o.obstacle {
+            Obstacle::Circle { centre_m, .. } => (closest_point_on_segment(centre_m, p, q) - centre_m).norm(),
+            Obstacle::Segment { from_m, to_m } => segment_distance(p, q, from_m, to_m),
+        };
+        apart >= o.required_m() + room
     })
 }

@@ -1,6 +1,7 @@
 //! What the guidance layer reads and writes. Positions in m, headings in rad, world frame.
 
-use crate::geometry::{Vec2, closest_point_on_segment};
+use crate::geometry::Vec2;
+use crate::model::Obstacle;
 /// Most neighbours considered: the nearest ones, in the order given.
 pub const NEIGHBOURS_MAX: usize = 16;
 /// Most static obstacles considered.
@@ -15,8 +16,6 @@ pub struct Ego {
     pub position_m: Vec2,
     /// Heading, rad.
     pub heading_rad: f64,
-    /// Radius of the body, m.
-    pub radius_m: f64,
     /// Where to go now: the goal itself, or the waypoint of `Route::target`.
     pub target_m: Vec2,
     /// Route length left beyond `target_m`; 0 when the target is the goal.
@@ -86,39 +85,26 @@ impl Neighbour {
     }
 }
 
-/// A static obstacle and the distance to keep from it (d_s + radius).
+/// A static obstacle and the distance to keep from its body.
 #[derive(Clone, Copy, Debug)]
-pub enum ObstacleView {
-    /// A disc.
-    Circle {
-        /// Centre, m.
-        centre_m: Vec2,
-        /// Radius, m.
-        radius_m: f64,
-        /// Distance to keep from it, m.
-        keep_m: f64,
-    },
-    /// A thin wall.
-    Segment {
-        /// One end, m.
-        from_m: Vec2,
-        /// The other end, m.
-        to_m: Vec2,
-        /// Distance to keep from it, m.
-        keep_m: f64,
-    },
+pub struct ObstacleView {
+    /// The obstacle.
+    pub obstacle: Obstacle,
+    /// d_s + radius of the robot, m.
+    pub keep_m: f64,
 }
 
 impl ObstacleView {
+    /// Distance to keep from the obstacle's core, m.
+    pub fn required_m(&self) -> f64 {
+        self.obstacle.reach_m() + self.keep_m
+    }
+
     /// Unit vector from the nearest point of the obstacle to `p`, and the clearance beyond the required distance.
     pub fn clearance(&self, p: Vec2) -> (Vec2, f64) {
-        let (nearest, keep) = match *self {
-            Self::Circle { centre_m, radius_m, keep_m } => (centre_m, radius_m + keep_m),
-            Self::Segment { from_m, to_m, keep_m } => (closest_point_on_segment(p, from_m, to_m), keep_m),
-        };
-        let offset = p - nearest;
-        let d = offset.norm();
-        if d > 1e-9 { (offset / d, d - keep) } else { (Vec2::new(1.0, 0.0), -keep) }
+        let offset = p - self.obstacle.closest_core_point(p);
+        let (d, required) = (offset.norm(), self.required_m());
+        if d > 1e-9 { (offset / d, d - required) } else { (Vec2::new(1.0, 0.0), -required) }
     }
 }
 
