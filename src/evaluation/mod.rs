@@ -30,6 +30,8 @@ pub struct Evaluation {
     pub solve_ns: LatencyNs,
     /// Mean time for a robot's whole step, ns.
     pub step_ns_per_robot: u64,
+    /// Time for the steps of all robots in one period, one after another on one core, ns.
+    pub fleet_step_ns: LatencyNs,
 }
 
 impl Evaluation {
@@ -90,6 +92,7 @@ pub fn run_watched(
     let mut group = RobotGroup::new(config, 0..fleet.len())?;
     let mut figures = Accumulator::new(&config.scenario, period_s);
     let mut solve_ns = LatencyHistogram::new()?;
+    let mut fleet_step_ns = LatencyHistogram::new()?;
     let (mut step_ns, mut steps, mut fallback_commands) = (0u64, 0u64, 0u64);
     let mut next: Vec<RobotState> = fleet.clone();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a checked, finite duration
@@ -97,6 +100,7 @@ pub fn run_watched(
 
     for tick in 0..limit {
         next.copy_from_slice(&fleet);
+        let step_ns_before = step_ns;
         group.solve_watched(&fleet, timing, |index, decision, programme| {
             watch(decision, programme);
             next[index].set_command(decision.command.command());
@@ -108,6 +112,7 @@ pub fn run_watched(
             let stopped = ![0, StopReason::Foreign as u32].contains(&decision.command.stop_reason);
             fallback_commands += u64::from(stopped);
         });
+        fleet_step_ns.record(step_ns - step_ns_before);
         if timing == Timing::Ideal {
             fleet.copy_from_slice(&next);
         }
@@ -132,5 +137,6 @@ pub fn run_watched(
         fallback_commands,
         solve_ns: solve_ns.summary(),
         step_ns_per_robot: step_ns / steps.max(1),
+        fleet_step_ns: fleet_step_ns.summary(),
     })
 }

@@ -1,6 +1,7 @@
 //! `clearway eval`: closed loops under a virtual clock.
 
 mod table;
+mod trajectory;
 
 use clearway::config::{Config, Profile, SolverKind};
 use clearway::controller::Timing;
@@ -8,10 +9,12 @@ use clearway::evaluation::{self, Evaluation};
 use clearway::scenario::Scenario;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::io::Write;
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
+use trajectory::{Ordered, Trajectory};
 
 /// Run scenarios as fast as the machine allows, and measure what the robots do.
 ///
@@ -23,6 +26,7 @@ Examples:
   clearway eval swap8 swap8-zero circle-50
   clearway eval suite --jsonl suite.jsonl        every family, several sizes, many seeds
   clearway eval my-scenarios/ --profile exp      every .toml file of a folder
+  clearway eval swap8 --trajectories swap8.jsonl poses and inputs of every period
   clearway eval swap8 --set controller.gamma=0.5 --timing ideal
 
 Exit codes: 0 everybody arrived and nobody came too close, 1 not so, 2 the command line or a file is wrong.")]
@@ -48,6 +52,9 @@ pub(crate) struct Args {
     /// Write one JSON object a scenario to this file; `-` for standard output instead of the table.
     #[arg(long, value_name = "OUT")]
     jsonl: Option<PathBuf>,
+    /// Write every robot's pose and input in every period to this file, one JSON object a scenario.
+    #[arg(long, value_name = "OUT")]
+    trajectories: Option<PathBuf>,
     /// A row for every scenario, also where there are many.
     #[arg(long)]
     all: bool,
@@ -59,9 +66,8 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
     }
     let configs: Vec<Config> =
         expand(&args.scenario)?.iter().map(|name| configure(args, name)).collect::<Result<_>>()?;
-    let timing = if args.timing == "ideal" { Timing::Ideal } else { Timing::LogicalExecutionTime };
     let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, usize::from);
-    let results = run_all(&configs, timing, jobs)?;
+    let results = run_all(args, &configs, jobs)?;
 
     let to_stdout = args.jsonl.as_deref() == Some(Path::new("-"));
     if let Some(path) = &args.jsonl {
@@ -73,10 +79,7 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
         if to_stdout {
             crate::show(&lines);
         } else {
-            std::fs::File::create(path)
-                .and_then(|mut file| file.write_all(lines.as_bytes()))
-                .into_diagnostic()
-                .wrap_err_with(|| format!("{} cannot be written", path.display()))?;
+            written(path, std::fs::write(path, lines))?;
         }
     }
     if !to_stdout {
@@ -125,8 +128,31 @@ fn configure(args: &Args, name: &str) -> Result<Config> {
     Ok(config)
 }
 
+fn written<T>(path: &Path, result: std::io::Result<T>) -> Result<T> {
+    result.into_diagnostic().wrap_err_with(|| format!("{} cannot be written", path.display()))
+}
+
+/// One run, and what the robots did as a line when that is asked for.
+fn run_one(args: &Args, config: &Config) -> Result<(Evaluation, Option<String>)> {
+    let timing = if args.timing == "ideal" { Timing::Ideal } else { Timing::LogicalExecutionTime };
+    let mut trajectory = args.trajectories.as_ref().map(|_| Trajectory::new(config, &args.timing));
+    let result = evaluation::run(config, timing, |_, fleet| {
+        if let Some(trajectory) = &mut trajectory {
+            trajectory.push(fleet);
+        }
+    })
+    .into_diagnostic()
+    .wrap_err_with(|| format!("{} could not run", config.scenario.name))?;
+    let line = trajectory.map(|t| serde_json::to_string(&t)).transpose().into_diagnostic()?;
+    Ok((result, line))
+}
+
 /// Runs every configuration on `jobs` threads; results in the order of the configurations.
-fn run_all(configs: &[Config], timing: Timing, jobs: usize) -> Result<Vec<Evaluation>> {
+fn run_all(args: &Args, configs: &[Config], jobs: usize) -> Result<Vec<Evaluation>> {
+    let mut trajectories = match &args.trajectories {
+        Some(path) => Some((path, Ordered::new(BufWriter::new(written(path, File::create(path))?)))),
+        None => None,
+    };
     let bar = ProgressBar::new(configs.len() as u64).with_style(
         ProgressStyle::with_template("{bar:30} {pos}/{len} scenarios  {elapsed}  {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
@@ -139,19 +165,25 @@ fn run_all(configs: &[Config], timing: Timing, jobs: usize) -> Result<Vec<Evalua
             scope.spawn(move || {
                 while let Some((k, config)) = take(next, configs) {
                     // The receiver lives as long as the scope.
-                    let _ = sender.send((k, evaluation::run(config, timing, |_, _| {})));
+                    let _ = sender.send((k, run_one(args, config)));
                 }
             });
         }
         drop(sender);
         let mut ordered: Vec<Option<Evaluation>> = vec![None; configs.len()];
         for (k, result) in results {
-            let name = &configs[k].scenario.name;
-            ordered[k] = Some(result.into_diagnostic().wrap_err_with(|| format!("{name} could not run"))?);
-            bar.set_message(name.clone());
+            let (result, line) = result?;
+            if let (Some((path, out)), Some(line)) = (&mut trajectories, line) {
+                written(path, out.put(k, line))?;
+            }
+            ordered[k] = Some(result);
+            bar.set_message(configs[k].scenario.name.clone());
             bar.inc(1);
         }
         bar.finish_and_clear();
+        if let Some((path, out)) = trajectories {
+            written(path, out.finish())?;
+        }
         Ok(ordered.into_iter().flatten().collect())
     })
 }
