@@ -4,9 +4,10 @@
 //! of the wall clock have no effect. Neither clock allocates. Reading the real one costs about
 //! 25 ns.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::num::NonZeroU32;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-use rustix::thread::clock_nanosleep_absolute;
+use rustix::thread::{clock_nanosleep_absolute, futex};
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
 /// A source of time and of absolute sleeps.
@@ -16,6 +17,16 @@ pub trait Clock {
 
     /// Returns at `wake_ns` or as soon after it as the machine allows; at once if it has passed.
     fn sleep_until(&self, wake_ns: u64);
+
+    /// Returns when `word` is not `value` (any more) and [`wake`] was called after it had changed, or at
+    /// `wake_ns`; sometimes for no reason, so that a caller has to look again.
+    fn wait(&self, word: &AtomicU32, value: u32, wake_ns: u64);
+}
+
+/// Wakes every thread that [waits](Clock::wait) for `word` to change. One system call.
+pub fn wake(word: &AtomicU32) {
+    // Fails only for a word that is not aligned or not mapped, and a reference is both.
+    let _ = futex::wake(word, futex::Flags::PRIVATE, i32::MAX.unsigned_abs());
 }
 
 /// `CLOCK_MONOTONIC`, with `clock_nanosleep(TIMER_ABSTIME)`: relative sleeps would drift by the
@@ -25,6 +36,10 @@ pub struct MonotonicClock;
 
 const NS_PER_S: u64 = 1_000_000_000;
 
+fn timespec(ns: u64) -> Timespec {
+    Timespec { tv_sec: (ns / NS_PER_S).cast_signed(), tv_nsec: (ns % NS_PER_S).cast_signed() }
+}
+
 impl Clock for MonotonicClock {
     fn now_ns(&self) -> u64 {
         let now = clock_gettime(ClockId::Monotonic);
@@ -32,13 +47,17 @@ impl Clock for MonotonicClock {
     }
 
     fn sleep_until(&self, wake_ns: u64) {
-        let wake = Timespec {
-            tv_sec: (wake_ns / NS_PER_S).cast_signed(),
-            tv_nsec: (wake_ns % NS_PER_S).cast_signed(),
-        };
+        let wake = timespec(wake_ns);
         // A signal handler ends the sleep early; the absolute time makes going on exact. Any other
         // error cannot happen for this clock and a normalised time, and must not become a spin.
         while clock_nanosleep_absolute(ClockId::Monotonic, &wake) == Err(rustix::io::Errno::INTR) {}
+    }
+
+    fn wait(&self, word: &AtomicU32, value: u32, wake_ns: u64) {
+        // This operation's time is absolute, on the monotonic clock. A change, a signal and the time
+        // are different answers that mean the same: look again.
+        let _ =
+            futex::wait_bitset(word, futex::Flags::PRIVATE, value, Some(&timespec(wake_ns)), NonZeroU32::MAX);
     }
 }
 
@@ -68,6 +87,13 @@ impl Clock for VirtualClock {
     fn sleep_until(&self, wake_ns: u64) {
         self.now_ns.fetch_max(wake_ns, Ordering::AcqRel);
     }
+
+    /// Nobody else has a part in virtual time: what has not happened before a wait does not happen in it.
+    fn wait(&self, word: &AtomicU32, value: u32, wake_ns: u64) {
+        if word.load(Ordering::Acquire) == value {
+            self.sleep_until(wake_ns);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -84,6 +110,36 @@ mod tests {
         }
         // A time that has passed.
         clock.sleep_until(1);
+    }
+
+    #[test]
+    fn a_wait_ends_with_the_change_of_its_word_or_with_its_time() {
+        let (clock, word) = (MonotonicClock, AtomicU32::new(0));
+        clock.wait(&word, 1, u64::MAX);
+        let end_ns = clock.now_ns() + 200_000;
+        while clock.now_ns() < end_ns {
+            clock.wait(&word, 0, end_ns);
+        }
+        // Whether the other thread is asleep already or not yet: it does not sleep for ever.
+        for _ in 0..1000 {
+            let before = word.load(Ordering::Acquire);
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    while word.load(Ordering::Acquire) == before {
+                        clock.wait(&word, before, u64::MAX);
+                    }
+                });
+                word.fetch_add(1, Ordering::Release);
+                wake(&word);
+            });
+        }
+        assert_eq!(word.load(Ordering::Acquire), 1000);
+
+        let clock = VirtualClock::new(100);
+        clock.wait(&word, 0, 150);
+        assert_eq!(clock.now_ns(), 100);
+        clock.wait(&word, 1000, 150);
+        assert_eq!(clock.now_ns(), 150);
     }
 
     #[test]

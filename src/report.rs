@@ -49,8 +49,8 @@ pub struct Report {
     pub state_to_worker_ns: LatencyNs,
     /// From the stamp of the state to the last command being staged, ns.
     pub state_to_staged_ns: LatencyNs,
-    /// From the stamp of the state to the commands being published, ns. By design the deadline: the
-    /// period less its margin.
+    /// From the stamp of the state to the commands being published, ns. At the latest the
+    /// deadline: the period less its margin; always that when commands are published at the deadline.
     pub state_to_command_ns: LatencyNs,
     /// From the deadline to the commands being published, ns.
     pub deadline_lateness_ns: LatencyNs,

@@ -33,7 +33,9 @@ pub use channel::ChannelConfig;
 pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use guidance::GuidanceParams;
-pub use runtime::{RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig};
+pub use runtime::{
+    PublishAt, RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig,
+};
 
 use crate::document::{ConfigError, Document};
 use crate::scenario::Scenario;

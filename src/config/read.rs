@@ -96,6 +96,7 @@ fn timing(mut s: Section<'_>) -> Timing {
         0..=SECOND_US,
         "a quarter of the period, at most 2000",
     );
+    s.set_choice("publish", &mut t.publish);
     s.set_integer_or(
         "workers",
         &mut t.workers,

@@ -1,13 +1,27 @@
 use crate::document::names;
 
+/// When the commands of a period are published. They act from the start of the next one either way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PublishAt {
+    /// When every worker is done, and at the deadline at the latest.
+    #[default]
+    Complete,
+    /// At the deadline.
+    Deadline,
+}
+
+names!(PublishAt { Complete => "complete", Deadline => "deadline" });
+
 /// Period, deadline and workers of the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimingConfig {
     /// Sampling period T, ns. Default 80 ms; at least 200 µs.
     pub period_ns: u64,
-    /// Commands are published this long before the end of the period, ns. `None`: a quarter of the
-    /// period, at most 2 ms.
+    /// The deadline is this long before the end of the period, ns. `None`: a quarter of the period, at
+    /// most 2 ms.
     pub deadline_margin_ns: Option<u64>,
+    /// When commands are published.
+    pub publish: PublishAt,
     /// Worker threads; `None`: as many as the robots and the usable cores allow.
     pub workers: Option<usize>,
     /// Stop after this many periods; `None`: when every robot has arrived or time is up (a built-in
@@ -17,7 +31,13 @@ pub struct TimingConfig {
 
 impl Default for TimingConfig {
     fn default() -> Self {
-        Self { period_ns: 80_000_000, deadline_margin_ns: None, workers: None, ticks: None }
+        Self {
+            period_ns: 80_000_000,
+            deadline_margin_ns: None,
+            publish: PublishAt::default(),
+            workers: None,
+            ticks: None,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
+use super::event_count::EventCount;
 use super::staging::Staging;
 use crate::wire::StopReason;
 
@@ -8,11 +9,22 @@ const NOTHING: u64 = 0;
 /// The run is over.
 const OVER: u64 = u64::MAX;
 
+/// Bits for the workers that are not done, beside the tick modulo 2⁴⁸.
+const BUSY_BITS: u32 = 16;
+const BUSY: u64 = (1 << BUSY_BITS) - 1;
+
 /// What the loop, the workers and the supervisor share: a few words and the staged commands.
 #[derive(Debug)]
 pub(super) struct Board {
     /// One more than the tick that was released last.
     released: AtomicU64,
+    /// Counts up when that changes.
+    pub(super) releases: EventCount,
+    /// That tick, shifted by [`BUSY_BITS`], and how many workers are not done with it.
+    busy: AtomicU64,
+    workers: u64,
+    /// Counts up when no worker is busy any more.
+    pub(super) completions: EventCount,
     /// Code of the reason to stop the run; 0 while it goes on.
     stop: AtomicU32,
     /// Commands on their way from the workers to the loop.
@@ -35,9 +47,14 @@ pub(super) enum Released {
 }
 
 impl Board {
-    pub(super) fn new(ids: Vec<u32>) -> Self {
+    /// For robots with these ids, and at most 65535 workers.
+    pub(super) fn new(ids: Vec<u32>, workers: usize) -> Self {
         Self {
             released: AtomicU64::new(NOTHING),
+            releases: EventCount::default(),
+            busy: AtomicU64::new(0),
+            workers: (workers as u64).min(BUSY),
+            completions: EventCount::default(),
             stop: AtomicU32::new(0),
             staging: Staging::new(ids),
             worker_panics: AtomicU64::new(0),
@@ -47,12 +64,34 @@ impl Board {
 
     /// Lets the workers start on `tick`; everything written before is visible to them.
     pub(super) fn release(&self, tick: u64) {
+        self.busy.store(tick << BUSY_BITS | self.workers, Ordering::Relaxed);
         self.released.store(tick + 1, Ordering::Release);
+        self.releases.notify();
     }
 
     /// Sends the workers home.
     pub(super) fn end(&self) {
         self.released.store(OVER, Ordering::Release);
+        self.releases.notify();
+    }
+
+    /// A worker is done with `tick`: it has staged what it has and stages nothing more. Once for each
+    /// worker and tick; when another period runs by now, nobody waits for it any more.
+    pub(super) fn done(&self, tick: u64) {
+        let of_tick = |busy: u64| {
+            let belongs = busy >> BUSY_BITS == tick << BUSY_BITS >> BUSY_BITS;
+            (belongs && busy & BUSY > 0).then(|| busy - 1)
+        };
+        // Release: who sees the last worker done sees what all of them have staged.
+        let before = self.busy.fetch_update(Ordering::AcqRel, Ordering::Relaxed, of_tick);
+        if before.is_ok_and(|busy| busy & BUSY == 1) {
+            self.completions.notify();
+        }
+    }
+
+    /// Whether every worker is done with `tick`, which was released last.
+    pub(super) fn complete(&self, tick: u64) -> bool {
+        self.busy.load(Ordering::Acquire) == tick << BUSY_BITS
     }
 
     /// The period that runs, when it is not `known`.
@@ -73,5 +112,32 @@ impl Board {
     /// Why the run is to end, if it is.
     pub(super) fn stop_requested(&self) -> Option<StopReason> {
         StopReason::from_code(self.stop.load(Ordering::Acquire))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_period_is_complete_when_every_worker_is_done_with_it() {
+        let board = Board::new(vec![0], 2);
+        // The last one is far beyond what is kept of a tick, and the largest that can be released.
+        for tick in [0, 1, 2, (1 << 32) - 1, 1 << 32, (1 << 48) - 1, 1 << 48, u64::MAX - 2] {
+            board.release(tick);
+            assert_eq!(board.released(None), Released::Tick(tick));
+            assert_eq!(board.released(Some(tick)), Released::Nothing);
+            assert!(!board.complete(tick));
+            // Somebody is late with an earlier period.
+            board.done(tick.wrapping_sub(1));
+            board.done(tick);
+            assert!(!board.complete(tick));
+            let count = board.completions.count();
+            board.done(tick);
+            assert!(board.complete(tick));
+            assert_eq!(board.completions.count(), count + 1);
+        }
+        board.end();
+        assert_eq!(board.released(Some(u64::MAX - 2)), Released::Over);
     }
 }

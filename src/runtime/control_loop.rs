@@ -1,9 +1,9 @@
 use std::sync::Arc;
-use std::thread::Thread;
 
 use super::board::Board;
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
+use crate::config::PublishAt;
 use crate::model::{Command, Limits, RobotId};
 use crate::schedule::Schedule;
 use crate::source::{Instant, StateSource};
@@ -20,7 +20,8 @@ use crate::wire::{
 /// 1. wake at `t_k`; if whole periods have passed, go on with the one whose time it is;
 /// 2. ask the source for the poses at `t_k` and publish **one** state sample, which carries the
 ///    commands committed for `[t_k, t_{k+1})`;
-/// 3. wake the workers and sleep until the deadline `t_{k+1} − margin`;
+/// 3. wake the workers and sleep until they are done, at most to the deadline `t_{k+1} − margin`;
+///    with [`PublishAt::Deadline`] always to the deadline;
 /// 4. take what they staged and publish **one** command sample for `[t_{k+1}, t_{k+2})`; a robot
 ///    without a complete, admissible command gets a stop and the reason;
 /// 5. with the period's duty done: take the memory of the next samples, and leave the record.
@@ -38,7 +39,7 @@ pub(super) struct ControlLoop<C: Clock> {
     pub(super) commands: Writer<RobotCommand>,
     pub(super) source: Box<dyn StateSource>,
     pub(super) board: Arc<Board>,
-    pub(super) workers: Vec<Thread>,
+    pub(super) publish_at: PublishAt,
     pub(super) records: Arc<Pool<PeriodRecord>>,
     pub(super) memory: LoopMemory,
 }
@@ -81,7 +82,6 @@ impl<C: Clock> ControlLoop<C> {
             if let Some(reason) = reason.or((tick >= self.tick_end).then_some(StopReason::Finished)) {
                 self.publish_stop(tick, reason);
                 self.board.end();
-                self.wake_workers();
                 return reason;
             }
             self.period(tick, tick - planned, woken_ns);
@@ -94,11 +94,10 @@ impl<C: Clock> ControlLoop<C> {
         self.observe(tick, Instant { epoch: self.epoch, release_ns, now_ns: woken_ns });
         self.publish_states(tick, release_ns, woken_ns);
         self.board.release(tick);
-        self.wake_workers();
         let published_ns = self.clock.now_ns();
 
         let deadline_ns = self.schedule.deadline_ns(tick);
-        self.clock.sleep_until(deadline_ns);
+        self.wait_for_workers(tick, deadline_ns);
         self.collect(tick);
         let on_time = self.publish_commands(tick, woken_ns);
         let answered_ns = self.clock.now_ns();
@@ -119,6 +118,20 @@ impl<C: Clock> ControlLoop<C> {
             ..TelemetryHeader::default()
         };
         self.record(&header, on_time);
+    }
+
+    /// Returns at the deadline, or when every worker is done if that is what is waited for.
+    fn wait_for_workers(&self, tick: u64, deadline_ns: u64) {
+        match self.publish_at {
+            PublishAt::Deadline => self.clock.sleep_until(deadline_ns),
+            PublishAt::Complete => loop {
+                let count = self.board.completions.count();
+                if self.board.complete(tick) || self.clock.now_ns() >= deadline_ns {
+                    break;
+                }
+                self.board.completions.wait(&self.clock, count, deadline_ns);
+            },
+        }
     }
 
     /// The state at `t_k`: poses from the source, and the commands that are really in force.
@@ -257,12 +270,6 @@ impl<C: Clock> ControlLoop<C> {
     fn prepare(&mut self) {
         for ready in [self.states.prepare(), self.commands.prepare()] {
             self.memory.send_failures += u64::from(ready.is_err());
-        }
-    }
-
-    fn wake_workers(&self) {
-        for worker in &self.workers {
-            worker.unpark();
         }
     }
 

@@ -115,7 +115,8 @@ impl Daemon {
         let readers = &mut config.channel.max_readers;
         *readers = (*readers).max(placement.worker_cpus.len() + READERS_BESIDE_WORKERS);
         let config = Arc::new(config);
-        let board = Arc::new(Board::new(config.scenario.robots.iter().map(|robot| robot.id.0).collect()));
+        let ids = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
+        let board = Arc::new(Board::new(ids, placement.worker_cpus.len()));
         let transport = Transport::new(&config.fleet, &config.channel)?;
         transport.check_room(robots)?;
         let common = Common {
@@ -192,8 +193,7 @@ impl Daemon {
             return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
         }
         self.spawn_housekeeping(common, until, periods, solves, auditor)?;
-        let handles = self.workers.iter().map(|worker| worker.thread().clone()).collect();
-        go.send(handles).map_err(|_| DaemonError::Panicked { thread: "loop" })
+        go.send(()).map_err(|_| DaemonError::Panicked { thread: "loop" })
     }
 
     fn spawn_housekeeping(

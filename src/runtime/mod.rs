@@ -2,9 +2,9 @@
 //!
 //! ```text
 //!             ┌───────────────── loop (SCHED_FIFO p) ─────────────────┐
-//! source ───▶ │ t_k: state sample ──▶ wake          deadline: collect │ ──▶ command sample
+//! source ───▶ │ t_k: state sample ──▶ wake          complete: collect │ ──▶ command sample
 //!             └───────│────────────────│───────────────────▲──────────┘
-//!              shared memory         futex          staged commands (atomics)
+//!              shared memory         futex      staged commands (atomics), futex
 //!             ┌───────▼────────────────▼───────────────────│──────────┐
 //!             │ workers (SCHED_FIFO p−1): each owns its robots alone  │
 //!             └───────────────────────────────────────────────────────┘
@@ -19,12 +19,14 @@
 //! samples, after the commands are out), the workers none; neither locks, formats or logs.
 
 mod answers;
+
 mod board;
 mod control_loop;
 mod daemon;
 mod decider;
 mod driven;
 mod error;
+mod event_count;
 mod housekeeping;
 mod progress;
 mod staging;

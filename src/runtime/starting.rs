@@ -22,8 +22,6 @@ pub(super) fn join_until<T>(
         if Instant::now() >= end {
             return Err(thread);
         }
-        // It may be asleep until somebody wakes it.
-        thread.thread().unpark();
         std::thread::sleep(Duration::from_millis(1));
     }
     Ok(thread.join())
@@ -88,7 +86,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_housekeeping_asks_for_the_end() {
-        let board = std::sync::Arc::new(Board::new(vec![0]));
+        let board = std::sync::Arc::new(Board::new(vec![0], 1));
         let shared = std::sync::Arc::clone(&board);
         let house = std::thread::spawn(move || {
             let _stop = StopOnDrop(&shared);

@@ -2,7 +2,7 @@
 //! depends on how fast the machine is.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use super::board::{Board, Released};
@@ -12,7 +12,7 @@ use super::threads::Common;
 use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
 use crate::clock::Clock;
-use crate::config::Config;
+use crate::config::{Config, PublishAt};
 use crate::controller::{Decision, RobotGroup, Timing};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
@@ -32,17 +32,25 @@ type Ready = Box<dyn Fn(&Board, u64) -> bool + Send + Sync>;
 /// What goes wrong in a worker's n-th period.
 type Fault = Arc<dyn Fn(u64, &Range<usize>) + Send + Sync>;
 
-/// A clock whose deadline comes when the workers are done, and whose periods can be made to overrun.
+/// A clock whose deadline comes when the workers are done; work takes no time unless somebody lets it pass.
 #[derive(Clone)]
 struct Lockstep(Arc<LockstepState>);
 
 struct LockstepState {
-    now_ns: AtomicU64,
+    now_ns: Arc<AtomicU64>,
     schedule: Schedule,
     board: Arc<Board>,
     ready: Ready,
-    /// Tick, and by how much its deadline is overslept.
-    overrun: Option<(u64, u64)>,
+}
+
+impl Lockstep {
+    /// Lets what is left of `tick` pass up to its deadline, once that may come.
+    fn pass_deadline(&self, tick: u64, wake_ns: u64) {
+        while !(self.0.ready)(&self.0.board, tick) {
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
+        self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel);
+    }
 }
 
 impl Clock for Lockstep {
@@ -51,18 +59,23 @@ impl Clock for Lockstep {
     }
 
     fn sleep_until(&self, wake_ns: u64) {
-        let mut wake_ns = wake_ns;
-        if let Released::Tick(tick) = self.0.board.released(None)
-            && wake_ns == self.0.schedule.deadline_ns(tick)
-        {
-            while !(self.0.ready)(&self.0.board, tick) {
-                std::thread::sleep(std::time::Duration::from_micros(50));
+        match self.0.board.released(None) {
+            Released::Tick(tick) if wake_ns == self.0.schedule.deadline_ns(tick) => {
+                self.pass_deadline(tick, wake_ns);
             }
-            if let Some((_, late_ns)) = self.0.overrun.filter(|(at, _)| *at == tick) {
-                wake_ns += late_ns;
-            }
+            _ => _ = self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel),
         }
-        self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel);
+    }
+
+    /// The loop waits for its workers. The deadline comes when it may and they are not done.
+    fn wait(&self, _: &AtomicU32, _: u32, wake_ns: u64) {
+        let Released::Tick(tick) = self.0.board.released(None) else { return };
+        while !self.0.board.complete(tick) {
+            if (self.0.ready)(&self.0.board, tick) && !self.0.board.staging.complete(tick) {
+                return self.pass_deadline(tick, wake_ns);
+            }
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
     }
 }
 
@@ -76,7 +89,7 @@ struct Seen {
 struct Rig {
     config: Config,
     ticks: u64,
-    overrun: Option<(u64, u64)>,
+    now_ns: Arc<AtomicU64>,
     ready: Ready,
 }
 
@@ -86,15 +99,16 @@ impl Rig {
         config.timing.workers = Some(workers);
         config.timing.deadline_margin_ns = Some(T / 10);
         let ready = Box::new(|board: &Board, tick| board.staging.complete(tick));
-        Self { config, ticks, overrun: None, ready }
+        Self { config, ticks, now_ns: Arc::new(AtomicU64::new(START - T)), ready }
     }
 
     /// Runs with one thread a worker and the loop in this one.
     fn run<D: Decider>(self, make: impl Fn(Range<usize>) -> D + Send + Sync) -> (Seen, Arc<Board>) {
-        let Self { config, ticks, overrun, ready } = self;
+        let Self { config, ticks, now_ns, ready } = self;
         let robots = config.scenario.robots.len();
         let workers = config.timing.workers.unwrap_or(1);
-        let board = Arc::new(Board::new(config.scenario.robots.iter().map(|r| r.id.0).collect()));
+        let ids = config.scenario.robots.iter().map(|r| r.id.0).collect();
+        let board = Arc::new(Board::new(ids, workers));
         let transport = Transport::new(&config.fleet, &config.channel).unwrap();
         let node = transport.attach("test").unwrap();
         let (states, commands) = (node.writer(robots).unwrap(), node.writer(robots).unwrap());
@@ -105,22 +119,15 @@ impl Rig {
             board: Arc::clone(&board),
             epoch: 7,
         };
-        let state = LockstepState {
-            now_ns: AtomicU64::new(START - T),
-            schedule,
-            board: Arc::clone(&board),
-            ready,
-            overrun,
-        };
+        let state = LockstepState { now_ns, schedule, board: Arc::clone(&board), ready };
         let clock = Lockstep(Arc::new(state));
         let (watching, watched) = std::sync::mpsc::channel();
         std::thread::scope(|scope| {
-            let mut handles = Vec::new();
             for w in 0..workers {
                 let (transport, board, make) = (transport.clone(), Arc::clone(&board), &make);
                 let (ready, readiness) = std::sync::mpsc::channel();
                 let owned = w * robots / workers..(w + 1) * robots / workers;
-                let thread = scope.spawn(move || {
+                scope.spawn(move || {
                     let mut worker = Worker {
                         robots,
                         epoch: 7,
@@ -135,7 +142,6 @@ impl Rig {
                     worker.run(make(owned.clone()), || Some(make(owned.clone())));
                 });
                 readiness.recv().unwrap();
-                handles.push(thread.thread().clone());
             }
             let watcher = {
                 let (board, transport) = (Arc::clone(&board), transport.clone());
@@ -153,7 +159,7 @@ impl Rig {
                 commands,
                 source: Box::new(Plant::new(&config.scenario, T, START)),
                 board: Arc::clone(&board),
-                workers: handles,
+                publish_at: config.timing.publish,
                 records: Arc::new(Pool::new(2, || PeriodRecord::with_robots(robots))),
                 memory: LoopMemory::new(common.first_states()),
             };
@@ -194,8 +200,15 @@ fn group(config: &Config) -> impl Fn(Range<usize>) -> RobotGroup + Send + Sync +
 /// The order of logical execution time, to the bit.
 #[test]
 fn what_is_published_is_what_happens() {
+    // Work takes no time here.
+    published_is_what_happens(PublishAt::Complete, 0);
+    published_is_what_happens(PublishAt::Deadline, T - T / 10);
+}
+
+fn published_is_what_happens(publish: PublishAt, after_release_ns: u64) {
     let world = World::new("let");
-    let rig = Rig::new(&world, swap8(), 2, 25);
+    let mut rig = Rig::new(&world, swap8(), 2, 25);
+    rig.config.timing.publish = publish;
     let make = group(&rig.config);
     let (seen, _) = rig.run(make);
     let ticks: Vec<u64> = seen.states.iter().map(|(header, _)| header.tick).collect();
@@ -215,6 +228,7 @@ fn what_is_published_is_what_happens() {
                 assert_eq!(robot.arc().pose(T as f64 * 1e-9), next.pose());
             }
             assert_eq!(seen.commands[k + 1].0.state_stamp_ns, header.stamp_ns);
+            assert_eq!(seen.commands[k + 1].0.stamp_ns, header.release_ns + after_release_ns);
         }
     }
     let reasons = |k: usize| seen.commands[k].1.iter().map(|c| c.stop_reason).collect::<Vec<_>>();
@@ -226,17 +240,23 @@ fn what_is_published_is_what_happens() {
 
 /// However the robots are shared out, and with no daemon at all: the same bits.
 #[test]
-fn the_number_of_workers_changes_nothing() {
+fn neither_the_number_of_workers_nor_the_time_of_publishing_changes_anything() {
     let world = World::new("workers");
     let mut runs = Vec::new();
-    for workers in [1, 3, 8] {
-        let rig = Rig::new(&world, swap8(), workers, 40);
+    for (workers, publish) in [
+        (1, PublishAt::Complete),
+        (3, PublishAt::Complete),
+        (8, PublishAt::Complete),
+        (1, PublishAt::Deadline),
+        (3, PublishAt::Deadline),
+    ] {
+        let mut rig = Rig::new(&world, swap8(), workers, 40);
+        rig.config.timing.publish = publish;
         let make = group(&rig.config);
         runs.push(rig.run(make).0.states);
     }
     assert_eq!(runs[0].len(), 40);
-    assert_eq!(runs[0], runs[1]);
-    assert_eq!(runs[0], runs[2]);
+    assert!(runs.iter().all(|run| *run == runs[0]));
 
     let mut config = Config::new(swap8());
     config.timing.ticks = Some(40);
@@ -256,15 +276,21 @@ fn the_number_of_workers_changes_nothing() {
     assert!(tick > 20);
 }
 
-/// The deadline of period 3 is overslept by `tenths` tenths of a period: the ticks of the states, the
-/// ticks of the commands, and whether anybody moved without a valid command.
-fn overrun(tenths: u64) -> (Vec<u64>, Vec<u64>) {
+/// The work of period 3 ends `tenths` tenths of a period after it: the ticks of the states, the ticks of
+/// the commands, and whether anybody moved without a valid command.
+fn overrun(tenths: u64, publish: PublishAt) -> (Vec<u64>, Vec<u64>) {
     let world = World::new("overrun");
     let mut rig = Rig::new(&world, lanes(2, 50.0), 1, 3 + tenths / 10 + 5);
-    // From the deadline to the end of the period it is a tenth of a period.
-    rig.overrun = Some((3, T / 10 * (tenths + 1)));
+    rig.config.timing.publish = publish;
+    let now_ns = Arc::clone(&rig.now_ns);
+    let fault: Fault = Arc::new(move |period, _| {
+        if period == 3 {
+            now_ns.fetch_max(START + 4 * T + T / 10 * tenths, Ordering::AcqRel);
+        }
+    });
     let make = straight(T);
-    let (seen, _) = rig.run(move |owned| make(owned).unwrap());
+    let (seen, _) =
+        rig.run(move |owned| Faulty { inner: make(owned).unwrap(), periods: 0, fault: Arc::clone(&fault) });
     for pair in seen.states.windows(2) {
         let [(a, before), (b, after)] = pair else { unreachable!() };
         let driven_m = after[0].x_m - before[0].x_m;
@@ -283,10 +309,13 @@ fn overrun(tenths: u64) -> (Vec<u64>, Vec<u64>) {
 #[test]
 fn overruns_skip_whole_periods_and_discard_late_commands() {
     // The last command is the stop at the end; 4 is never published, because it was late.
-    assert_eq!(overrun(5), (vec![0, 1, 2, 3, 4, 5, 6, 7], vec![0, 1, 2, 3, 5, 6, 7, 8, 9]));
-    assert_eq!(overrun(15), (vec![0, 1, 2, 3, 5, 6, 7, 8], vec![0, 1, 2, 3, 6, 7, 8, 9, 10]));
-    assert_eq!(overrun(32), (vec![0, 1, 2, 3, 7, 8, 9, 10], vec![0, 1, 2, 3, 8, 9, 10, 11, 12]));
-    assert_eq!(overrun(200), (vec![0, 1, 2, 3, 24, 25, 26, 27], vec![0, 1, 2, 3, 25, 26, 27, 28, 29]));
+    for publish in [PublishAt::Complete, PublishAt::Deadline] {
+        let overrun = |tenths| overrun(tenths, publish);
+        assert_eq!(overrun(5), (vec![0, 1, 2, 3, 4, 5, 6, 7], vec![0, 1, 2, 3, 5, 6, 7, 8, 9]));
+        assert_eq!(overrun(15), (vec![0, 1, 2, 3, 5, 6, 7, 8], vec![0, 1, 2, 3, 6, 7, 8, 9, 10]));
+        assert_eq!(overrun(32), (vec![0, 1, 2, 3, 7, 8, 9, 10], vec![0, 1, 2, 3, 8, 9, 10, 11, 12]));
+        assert_eq!(overrun(200), (vec![0, 1, 2, 3, 24, 25, 26, 27], vec![0, 1, 2, 3, 25, 26, 27, 28, 29]));
+    }
 }
 
 /// Does what [`support::Straight`] does, but for one period, in which it fails in its own way.
@@ -311,8 +340,14 @@ fn reasons_of(seen: &Seen, robot: usize) -> Vec<u32> {
 
 #[test]
 fn a_worker_that_panics_stops_its_robots_for_one_period_and_is_built_anew() {
+    panics_once(PublishAt::Complete);
+    panics_once(PublishAt::Deadline);
+}
+
+fn panics_once(publish: PublishAt) {
     let world = World::new("panic");
     let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 8);
+    rig.config.timing.publish = publish;
     rig.ready = Box::new(|board, tick| {
         let other = board.staging.take(1, tick).is_some();
         let panicked = tick == 3 && board.worker_panics.load(Ordering::Relaxed) == 1;
@@ -371,8 +406,14 @@ fn a_worker_that_panics_for_ever_is_given_up() {
 
 #[test]
 fn a_worker_that_hangs_stops_its_robots_and_its_late_answer_is_not_used() {
+    hangs_for_a_while(PublishAt::Complete);
+    hangs_for_a_while(PublishAt::Deadline);
+}
+
+fn hangs_for_a_while(publish: PublishAt) {
     let world = World::new("hangs");
     let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 8);
+    rig.config.timing.publish = publish;
     let release = Arc::new(Mutex::new(0_u64));
     let hold = Arc::clone(&release);
     // The hanging worker may go on once period 5 has been answered without it.
@@ -394,6 +435,11 @@ fn a_worker_that_hangs_stops_its_robots_and_its_late_answer_is_not_used() {
     let (start, end, missed) =
         (StopReason::Start as u32, StopReason::Finished as u32, StopReason::Deadline as u32);
     assert_eq!(reasons_of(&seen, 0), [start, 0, 0, 0, missed, missed, missed, 0, 0, end]);
+    // Nobody is waited for longer than to the deadline, and nobody who is done is waited for.
+    let deadline_ns = |header: &CommandHeader| header.valid_from_ns - T / 10;
+    let waited = seen.commands[1..9].iter().map(|(header, _)| header.stamp_ns == deadline_ns(header));
+    let hangs = [false, false, false, true, true, true, false, false];
+    assert_eq!(waited.collect::<Vec<_>>(), hangs.map(|hangs| hangs || publish == PublishAt::Deadline));
     assert_eq!(reasons_of(&seen, 1), [start, 0, 0, 0, 0, 0, 0, 0, 0, end]);
 }
 

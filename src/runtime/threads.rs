@@ -1,6 +1,5 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender};
-use std::thread::Thread;
 use std::time::Duration;
 
 use super::Until;
@@ -63,14 +62,14 @@ impl Common {
     }
 }
 
-/// The loop thread: makes its ports, says so, waits for the go with the workers' handles, runs.
+/// The loop thread: makes its ports, says so, waits for the go, runs.
 pub(super) fn loop_thread(
     common: &Common,
     until: Until,
     cpu: Option<usize>,
     records: Arc<Pool<PeriodRecord>>,
     ready: &Ready,
-    go: &Receiver<Vec<Thread>>,
+    go: &Receiver<()>,
 ) -> Option<StopReason> {
     let config = &common.config;
     let prepared = (|| {
@@ -93,7 +92,7 @@ pub(super) fn loop_thread(
     };
     let _ = ready.send(Ok(enter(Role::Loop, &config.realtime, cpu)));
     // Nobody sends when the start is called off.
-    let workers = go.recv().ok()?;
+    go.recv().ok()?;
 
     let clock = MonotonicClock;
     let period_ns = config.timing.period_ns;
@@ -116,7 +115,7 @@ pub(super) fn loop_thread(
         commands,
         source,
         board: Arc::clone(&common.board),
-        workers,
+        publish_at: config.timing.publish,
         records,
         memory: LoopMemory::new(common.first_states()),
     };

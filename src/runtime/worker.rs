@@ -51,23 +51,28 @@ pub(super) struct Worker {
 impl Worker {
     /// Works until the run is over. `make` builds the controller, again after a panic.
     ///
-    /// Sleeps on a futex between periods: no lock, no allocation, and a spurious wake-up only looks
-    /// at the board again.
+    /// Sleeps between periods: no lock, no allocation, and a wake-up for no reason only looks at the
+    /// board again.
     pub(super) fn run<D: Decider>(&mut self, first: D, make: impl Fn() -> Option<D>) {
         let mut decider = Some(first);
         let mut known = None;
         let mut lapses = Lapses::default();
         loop {
+            let count = self.board.releases.count();
             match self.board.released(known) {
                 Released::Over => return,
-                Released::Nothing => std::thread::park(),
+                Released::Nothing => self.board.releases.wait(&MonotonicClock, count, u64::MAX),
                 Released::Tick(tick) => {
                     known = Some(tick);
-                    let Some(current) = &mut decider else { continue };
                     // The decider is thrown away after a panic, so nobody sees it half changed.
-                    if catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_ok() {
+                    let worked = decider
+                        .as_mut()
+                        .map(|current| catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_ok());
+                    // Whatever came of it, there is nothing more to wait for.
+                    self.board.done(tick);
+                    if worked == Some(true) {
                         lapses.clean();
-                    } else {
+                    } else if worked == Some(false) {
                         self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
                         decider = if lapses.panic() { make() } else { None };
                         if decider.is_none() {
