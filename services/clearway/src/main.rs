@@ -3,6 +3,8 @@
 mod bench;
 mod check;
 mod eval;
+#[allow(dead_code, unused_imports, reason = "the style is whole before every part of it has a user")]
+mod plot;
 mod scenario;
 mod summary;
 

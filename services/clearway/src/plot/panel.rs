@@ -1,0 +1,339 @@
+//! One panel: two axes and what is drawn between them.
+
+use super::axis::Axis;
+use super::canvas::{Align, Canvas};
+use super::style::{Colour, Dash, Marker, SMALL_PX, Style, TEXT_PX, width_px};
+
+/// Points in the units of the axes.
+type Points = Vec<(f64, f64)>;
+
+#[derive(Debug, Clone, PartialEq)]
+enum Item {
+    Line { points: Points, style: Style },
+    Band { low: Points, high: Points, colour: Colour },
+    Disc { centre: (f64, f64), radius: f64, colour: Colour, filled: bool },
+    Mark { at: (f64, f64), marker: Marker, colour: Colour, size_px: f64 },
+    Level { at: f64, words: String },
+    Note { at: (f64, f64), words: String },
+}
+
+/// An entry of the legend.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Sample {
+    Line(Style),
+    Mark(Marker, Colour, f64),
+}
+
+/// Two axes and what is drawn between them.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Panel {
+    title: String,
+    x: Axis,
+    y: Axis,
+    equal: bool,
+    items: Vec<Item>,
+    legend: Vec<(String, Sample)>,
+}
+
+impl Panel {
+    /// An empty panel.
+    pub(crate) fn new(x: Axis, y: Axis) -> Self {
+        Self { title: String::new(), x, y, equal: false, items: Vec::new(), legend: Vec::new() }
+    }
+
+    /// A piece of the plane: a metre is as long on both axes.
+    pub(crate) fn plane() -> Self {
+        Self { equal: true, ..Self::new(Axis::linear("x", "m"), Axis::linear("y", "m")) }
+    }
+
+    /// With a title above it.
+    #[must_use]
+    pub(crate) fn titled(self, title: &str) -> Self {
+        Self { title: title.to_owned(), ..self }
+    }
+
+    /// A line through `points`, in the legend under `name`.
+    pub(crate) fn line(&mut self, name: &str, points: Points, style: Style) {
+        self.sample(name, Sample::Line(style));
+        self.curve(points, style);
+    }
+
+    /// A line without a name.
+    pub(crate) fn curve(&mut self, points: Points, style: Style) {
+        self.items.push(Item::Line { points, style });
+    }
+
+    /// The space between two lines that have the same abscissae.
+    pub(crate) fn band(&mut self, low: Points, high: Points, colour: Colour) {
+        self.items.push(Item::Band { low, high, colour });
+    }
+
+    /// A disc whose radius is in the axes' unit.
+    pub(crate) fn disc(&mut self, centre: (f64, f64), radius: f64, colour: Colour, filled: bool) {
+        self.items.push(Item::Disc { centre, radius, colour, filled });
+    }
+
+    /// Marks, in the legend under `name`; no name, no entry.
+    pub(crate) fn marks(
+        &mut self,
+        name: &str,
+        at: &[(f64, f64)],
+        marker: Marker,
+        colour: Colour,
+        size_px: f64,
+    ) {
+        if !name.is_empty() {
+            self.sample(name, Sample::Mark(marker, colour, size_px));
+        }
+        self.items.extend(at.iter().map(|at| Item::Mark { at: *at, marker, colour, size_px }));
+    }
+
+    /// A horizontal reference line with words above it.
+    pub(crate) fn level(&mut self, at: f64, words: &str) {
+        self.items.push(Item::Level { at, words: words.to_owned() });
+    }
+
+    /// Words centred at a place.
+    pub(crate) fn note(&mut self, at: (f64, f64), words: &str) {
+        self.items.push(Item::Note { at, words: words.to_owned() });
+    }
+
+    fn sample(&mut self, name: &str, sample: Sample) {
+        if self.legend.iter().all(|(known, _)| known != name) {
+            self.legend.push((name.to_owned(), sample));
+        }
+    }
+
+    pub(super) fn legend(&self) -> impl Iterator<Item = &(String, Sample)> {
+        self.legend.iter()
+    }
+
+    /// The places of everything that the axes have to hold.
+    fn places(&self) -> (Vec<f64>, Vec<f64>) {
+        let mut at: Points = Vec::new();
+        let mut levels = Vec::new();
+        for item in &self.items {
+            match item {
+                Item::Line { points, .. } => at.extend(points),
+                Item::Band { low, high, .. } => at.extend(low.iter().chain(high)),
+                Item::Disc { centre: (x, y), radius, .. } => {
+                    at.extend([(x - radius, y - radius), (x + radius, y + radius)]);
+                }
+                Item::Mark { at: place, .. } | Item::Note { at: place, .. } => at.push(*place),
+                Item::Level { at, .. } => levels.push(*at),
+            }
+        }
+        let xs = at.iter().filter_map(|(x, _)| self.x.place(*x)).collect();
+        let ys = at.iter().map(|(_, y)| *y).chain(levels).filter_map(|y| self.y.place(y)).collect();
+        (xs, ys)
+    }
+
+    /// Draws the panel into the rectangle from `origin` of `size` (px), labels included.
+    pub(super) fn draw(&self, canvas: &Canvas<'_>, origin: (f64, f64), size: (f64, f64)) -> Frame {
+        let (xs, ys) = self.places();
+        let pad = if self.equal { 0.03 } else { 0.0 };
+        let x_span = self.x.span(xs.into_iter(), pad);
+        let y_span = self.y.span(ys.into_iter(), if self.equal { 0.03 } else { 0.05 });
+        let top = if self.title.is_empty() { 8.0 } else { 26.0 };
+        let bottom = 3.6 * TEXT_PX;
+        let rows = ((size.1 - top - bottom) / 45.0).max(2.0);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few ticks
+        let y_ticks = self.y.ticks(y_span, rows as usize);
+        let widest = y_ticks.labelled.iter().map(|(_, words)| width_px(words, SMALL_PX)).fold(0.0, f64::max);
+        let left = widest + 2.6 * TEXT_PX;
+        let mut frame = Frame {
+            left: origin.0 + left,
+            top: origin.1 + top,
+            right: origin.0 + size.0 - 14.0,
+            bottom: origin.1 + size.1 - bottom,
+            x_span,
+            y_span,
+            axes: (self.x.clone(), self.y.clone()),
+        };
+        let y_ticks = if self.equal {
+            frame.square();
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few ticks
+            self.y.ticks(frame.y_span, rows as usize)
+        } else {
+            y_ticks
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few ticks
+        let x_ticks = self.x.ticks(frame.x_span, ((frame.right - frame.left) / 60.0).max(2.0) as usize);
+
+        let grid = Style::solid(Colour::GRID).wide(0.8);
+        let upright = |at: f64| [(frame.px_x(at), frame.top), (frame.px_x(at), frame.bottom)];
+        let level = |at: f64| [(frame.left, frame.px_y(at)), (frame.right, frame.px_y(at))];
+        for at in &x_ticks.fine {
+            canvas.path(&upright(*at), &grid.wide(0.4));
+        }
+        for at in &y_ticks.fine {
+            canvas.path(&level(*at), &grid.wide(0.4));
+        }
+        for (at, words) in &x_ticks.labelled {
+            canvas.path(&upright(*at), &grid);
+            let below = (frame.px_x(*at), frame.bottom + 0.9 * SMALL_PX);
+            canvas.text(words, below, SMALL_PX, Align::Centre, Colour::INK);
+        }
+        for (at, words) in &y_ticks.labelled {
+            canvas.path(&level(*at), &grid);
+            let beside = (frame.left - 5.0, frame.px_y(*at));
+            canvas.text(words, beside, SMALL_PX, Align::Right, Colour::INK);
+        }
+        for item in &self.items {
+            frame.item(canvas, item);
+        }
+        let (l, t, r, b) = (frame.left, frame.top, frame.right, frame.bottom);
+        let rim = Style::solid(Colour::INK).wide(0.9);
+        canvas.path(&[(l, t), (r, t), (r, b), (l, b), (l, t)], &rim);
+        let middle = 0.5 * (l + r);
+        if !self.title.is_empty() {
+            canvas.text(&self.title, (middle, t - 12.0), TEXT_PX, Align::Centre, Colour::INK);
+        }
+        canvas.text(self.x.label(), (middle, b + 2.6 * SMALL_PX), TEXT_PX, Align::Centre, Colour::INK);
+        let beside = (origin.0 + 0.8 * TEXT_PX, 0.5 * (t + b));
+        canvas.text(self.y.label(), beside, TEXT_PX, Align::Upwards, Colour::INK);
+        frame
+    }
+}
+
+/// Where a panel's axes came to stand on the sheet, px.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Frame {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) right: f64,
+    pub(crate) bottom: f64,
+    x_span: (f64, f64),
+    y_span: (f64, f64),
+    axes: (Axis, Axis),
+}
+
+impl Frame {
+    fn px_x(&self, place: f64) -> f64 {
+        let (low, high) = self.x_span;
+        self.left + (place - low) / (high - low) * (self.right - self.left)
+    }
+
+    fn px_y(&self, place: f64) -> f64 {
+        let (low, high) = self.y_span;
+        self.bottom - (place - low) / (high - low) * (self.bottom - self.top)
+    }
+
+    /// Where a point is on the sheet, px; `None` where the axes have no place for it.
+    pub(crate) fn px(&self, (x, y): (f64, f64)) -> Option<(f64, f64)> {
+        Some((self.px_x(self.axes.0.place(x)?), self.px_y(self.axes.1.place(y)?)))
+    }
+
+    /// Px for each unit of the x axis, where that is linear.
+    pub(crate) fn px_per_unit(&self) -> f64 {
+        (self.right - self.left) / (self.x_span.1 - self.x_span.0)
+    }
+
+    /// Makes a unit as long on both axes by widening the one that has room.
+    fn square(&mut self) {
+        let (width, height) = (self.right - self.left, self.bottom - self.top);
+        let per_px = ((self.x_span.1 - self.x_span.0) / width).max((self.y_span.1 - self.y_span.0) / height);
+        let around = |(low, high): (f64, f64), length: f64| {
+            let (middle, half) = (0.5 * (low + high), 0.5 * length * per_px);
+            (middle - half, middle + half)
+        };
+        self.x_span = around(self.x_span, width);
+        self.y_span = around(self.y_span, height);
+    }
+
+    /// The part of a stroke inside the frame (Liang and Barsky).
+    fn clip(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let (mut from, mut to) = (0.0f64, 1.0f64);
+        let edges =
+            [(-dx, a.0 - self.left), (dx, self.right - a.0), (-dy, a.1 - self.top), (dy, self.bottom - a.1)];
+        for (outward, room) in edges {
+            if outward == 0.0 {
+                if room < 0.0 {
+                    return None;
+                }
+            } else if outward < 0.0 {
+                from = from.max(room / outward);
+            } else {
+                to = to.min(room / outward);
+            }
+        }
+        (from <= to).then_some(((a.0 + from * dx, a.1 + from * dy), (a.0 + to * dx, a.1 + to * dy)))
+    }
+
+    /// The pieces of a line that are inside the frame, px.
+    fn pieces(&self, points: &[(f64, f64)]) -> Points2 {
+        let mut pieces: Points2 = Vec::new();
+        for pair in points.windows(2) {
+            let (Some(a), Some(b)) = (self.px(pair[0]), self.px(pair[1])) else { continue };
+            let Some((a, b)) = self.clip(a, b) else { continue };
+            match pieces.last_mut() {
+                Some(piece) if piece.last() == Some(&a) => piece.push(b),
+                _ => pieces.push(vec![a, b]),
+            }
+        }
+        pieces
+    }
+
+    fn holds(&self, (x, y): (f64, f64)) -> bool {
+        let room = 0.5;
+        (self.left - room..=self.right + room).contains(&x)
+            && (self.top - room..=self.bottom + room).contains(&y)
+    }
+
+    fn item(&self, canvas: &Canvas<'_>, item: &Item) {
+        match item {
+            Item::Line { points, style } => {
+                for piece in self.pieces(points) {
+                    canvas.path(&piece, style);
+                }
+                if let Some(marker) = style.marker {
+                    self.spaced(points, |at| canvas.mark(at, marker, style.colour, 6.0));
+                }
+            }
+            Item::Band { low, high, colour } => {
+                let around = low.iter().chain(high.iter().rev()).filter_map(|p| self.px(*p));
+                let clamp =
+                    |(x, y): (f64, f64)| (x.clamp(self.left, self.right), y.clamp(self.top, self.bottom));
+                canvas.fill(&around.map(clamp).collect::<Vec<_>>(), *colour, 0.18);
+            }
+            Item::Disc { centre, radius, colour, filled } => {
+                if let Some(at) = self.px(*centre) {
+                    let opacity = if *filled { 0.5 } else { 0.0 };
+                    canvas.disc(at, radius * self.px_per_unit(), *colour, opacity, 0.9);
+                }
+            }
+            Item::Mark { at, marker, colour, size_px } => {
+                if let Some(at) = self.px(*at).filter(|at| self.holds(*at)) {
+                    canvas.mark(at, *marker, *colour, *size_px);
+                }
+            }
+            Item::Level { at, words } => {
+                let Some(y) = self.axes.1.place(*at).map(|at| self.px_y(at)) else { return };
+                let style = Style { dash: Dash::Dashed, ..Style::solid(Colour::FAINT).wide(1.0) };
+                canvas.path(&[(self.left, y), (self.right, y)], &style);
+                let above = (self.right - 5.0, y - 0.75 * SMALL_PX);
+                canvas.text(words, above, SMALL_PX, Align::Right, Colour::FAINT);
+            }
+            Item::Note { at, words } => {
+                if let Some(at) = self.px(*at) {
+                    canvas.text(words, at, SMALL_PX, Align::Centre, Colour::INK);
+                }
+            }
+        }
+    }
+
+    /// Points of a line that are well apart on the sheet, so that marks do not cover it.
+    fn spaced(&self, points: &[(f64, f64)], mut each: impl FnMut((f64, f64))) {
+        const APART_PX: f64 = 42.0;
+        let mut last: Option<(f64, f64)> = None;
+        for at in points.iter().filter_map(|p| self.px(*p)).filter(|at| self.holds(*at)) {
+            if last.is_none_or(|l| (at.0 - l.0).hypot(at.1 - l.1) >= APART_PX) {
+                each(at);
+                last = Some(at);
+            }
+        }
+    }
+}
+
+type Points2 = Vec<Vec<(f64, f64)>>;
