@@ -3,8 +3,9 @@
 use std::mem::{align_of, offset_of, size_of};
 
 use clearway::wire::{
-    CommandHeader, ObservationHeader, RobotCommand, RobotIntent, RobotObservation, RobotState,
-    RobotTelemetry, StateHeader, StopReason, TelemetryHeader,
+    AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, CommandHeader, ObservationHeader,
+    RobotCommand, RobotIntent, RobotObservation, RobotState, RobotTelemetry, StateHeader, StopReason,
+    TelemetryHeader,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -39,6 +40,12 @@ fn names_sizes_and_alignments() {
         layout::<RobotTelemetry>(&[vec![4; 8], words(15)].concat()),
         ("clearway.v1.RobotTelemetry", 152, 8)
     );
+    assert_eq!(layout::<AdminRequest>(&[words(4), vec![4, 4]].concat()), ("clearway.v1.AdminRequest", 40, 8));
+    assert_eq!(layout::<AdminRobot>(&ids_then(6)), ("clearway.v1.AdminRobot", 56, 8));
+    assert_eq!(
+        layout::<AdminAnswer>(&[words(4), vec![4; 4], words(17), vec![4; 14]].concat()),
+        ("clearway.v1.AdminAnswer", 240, 8)
+    );
 }
 
 #[test]
@@ -52,6 +59,10 @@ fn fields_that_every_reader_needs_stay_where_they_are() {
     assert_eq!(offset_of!(RobotCommand, stop_reason), 4);
     assert_eq!(offset_of!(RobotCommand, v_mps), 8);
     assert_eq!(offset_of!(RobotObservation, theta_rad), 24);
+    assert_eq!((offset_of!(AdminRequest, expires_ns), offset_of!(AdminRequest, kind)), (8, 32));
+    assert_eq!((offset_of!(AdminRobot, goal_x_m), offset_of!(AdminRobot, start_x_m)), (8, 24));
+    assert_eq!((offset_of!(AdminAnswer, acts_from_tick), offset_of!(AdminAnswer, code)), (24, 32));
+    assert_eq!((offset_of!(AdminAnswer, tick), offset_of!(AdminAnswer, capacity)), (56, 184));
 }
 
 #[test]
@@ -68,8 +79,51 @@ fn codes_of_stop_reasons_are_fixed() {
         "operator",
         "finished",
         "foreign",
+        "paused",
+        "stopped",
+        "vacant",
     ];
     assert_eq!(codes, (1..).zip(expected).collect::<Vec<_>>());
     assert!(StopReason::ALL.iter().all(|reason| StopReason::from_code(*reason as u32) == Some(*reason)));
-    assert_eq!((StopReason::from_code(0), StopReason::from_code(10)), (None, None));
+    assert_eq!((StopReason::from_code(0), StopReason::from_code(13)), (None, None));
+}
+
+#[test]
+fn codes_of_admin_are_fixed() {
+    let kinds: Vec<(u32, &str)> = AdminKind::ALL.iter().map(|kind| (*kind as u32, kind.name())).collect();
+    let expected = [
+        "status",
+        "configuration",
+        "set_goals",
+        "pause",
+        "resume",
+        "stop",
+        "clear",
+        "add_robot",
+        "remove_robot",
+    ];
+    assert_eq!(kinds, (1..).zip(expected).collect::<Vec<_>>());
+    let codes: Vec<(u32, &str)> = AdminCode::ALL.iter().map(|code| (*code as u32, code.name())).collect();
+    let expected = [
+        "done",
+        "busy",
+        "expired",
+        "malformed",
+        "other_epoch",
+        "unknown_robot",
+        "foreign_robot",
+        "repeated_robot",
+        "taken_id",
+        "not_finite",
+        "outside_arena",
+        "inside_obstacle",
+        "goal_taken",
+        "too_close",
+        "bad_radius",
+        "full",
+        "stopped",
+        "ending",
+    ];
+    assert_eq!(codes, (0..).zip(expected).collect::<Vec<_>>());
+    assert_eq!((AdminKind::from_code(0), AdminCode::from_code(18)), (None, None));
 }

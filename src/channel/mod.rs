@@ -11,6 +11,9 @@
 //! | `command` | [`RobotCommand`] | the daemon | oldest overwritten |
 //! | `telemetry` | [`RobotTelemetry`] | the daemon | newest discarded, counted |
 //!
+//! A fifth one, `admin`, carries requests to the daemon and its answers: [`AdminPort`] and
+//! [`AdminServer`].
+//!
 //! No writer ever waits for a reader. Sending and receiving take a few hundred nanoseconds and
 //! neither allocate nor call the kernel; a loan makes one allocation of 48 bytes, so a [`Writer`]
 //! takes the loan of its next sample ahead of time with [`Writer::prepare`]. The first send after
@@ -29,14 +32,16 @@
 //! # }
 //! ```
 
+mod admin;
 mod error;
 mod node;
 mod reader;
 mod record;
 mod writer;
 
+pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};
 pub use error::{ChannelError, Owner};
-pub use node::{Attachment, CleanUp, Transport};
+pub use node::{Attached, Attachment, CleanUp, Transport};
 pub use reader::{Reader, Received};
 pub use record::{Channel, Record};
 pub use writer::Writer;

@@ -6,12 +6,19 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
 };
+use iceoryx2::service::builder::request_response::{
+    RequestResponseOpenError, RequestResponseOpenOrCreateError,
+};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service;
+use iceoryx2::service::port_factory::request_response::PortFactory as AdminService;
 
+use super::admin::{self, AdminPort, AdminServer};
 use super::error::SHARED_MEMORY;
 use super::{Channel, ChannelError, Owner, Reader, Record, Writer};
 use crate::config::{ChannelConfig, is_fleet_name};
-use crate::wire::{RobotCommand, RobotState, RobotTelemetry};
+use crate::wire::{
+    AdminAnswer, AdminRequest, AdminRobot, RobotCommand, RobotObservation, RobotState, RobotTelemetry,
+};
 
 /// Nodes that a service can have: the daemon's threads and everybody who is attached.
 const MAX_NODES: usize = 256;
@@ -69,6 +76,11 @@ impl Transport {
     /// Full name of a channel.
     pub fn service_name(&self, channel: Channel) -> String {
         format!("clearway/{}/v1/{}", self.fleet, channel.name())
+    }
+
+    /// Full name of the `admin` channel.
+    pub fn admin_name(&self) -> String {
+        format!("clearway/{}/v1/{}", self.fleet, admin::NAME)
     }
 
     /// Checks that shared memory can hold what the daemon of a fleet writes. Memory that is promised
@@ -129,6 +141,24 @@ pub struct CleanUp {
     /// Nodes that could not be removed.
     pub failed: u64,
 }
+
+/// Who is attached to a fleet's channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Attached {
+    /// Readers of `state`, the daemon's workers among them.
+    pub state_readers: usize,
+    /// Readers of `command`.
+    pub command_readers: usize,
+    /// Readers of `telemetry`.
+    pub telemetry_readers: usize,
+    /// Writers of `observation`.
+    pub observation_writers: usize,
+    /// Clients of `admin`.
+    pub admin_clients: usize,
+}
+
+/// The service behind `admin`.
+type Admin = AdminService<ipc::Service, [AdminRobot], AdminRequest, [u8], AdminAnswer>;
 
 /// One thread's membership in shared memory.
 #[derive(Debug)]
@@ -192,6 +222,109 @@ impl Attachment {
     pub fn clean_up(&self) -> CleanUp {
         let state = self.node.try_cleanup_dead_nodes();
         CleanUp { removed: state.cleanups, failed: state.failed_cleanups }
+    }
+
+    /// Attaches to `admin` as the fleet's server, with room for `max_clients`. Makes the
+    /// channel if it does not exist.
+    ///
+    /// # Errors
+    /// [`ChannelError::Port`] when there is a server already, and the reasons for which the channel
+    /// cannot be opened.
+    pub fn admin_server(&self, max_clients: usize) -> Result<AdminServer, ChannelError> {
+        let service = self
+            .node
+            .service_builder(&self.admin_service_name()?)
+            .request_response::<[AdminRobot], [u8]>()
+            .request_user_header::<AdminRequest>()
+            .response_user_header::<AdminAnswer>()
+            .max_servers(1)
+            .max_clients(max_clients.max(1))
+            .max_nodes(MAX_NODES)
+            .max_active_requests_per_client(admin::WAITING_MAX)
+            .max_response_buffer_size(1)
+            // What nobody takes is the newest request, not an older one's place.
+            .enable_safe_overflow_for_requests(false)
+            .enable_safe_overflow_for_responses(false)
+            .enable_fire_and_forget_requests(false)
+            .open_or_create()
+            .map_err(|e| match e {
+                RequestResponseOpenOrCreateError::RequestResponseOpenError(e) => self.admin_open_error(e),
+                other => self.admin_open_failure(&other),
+            })?;
+        let created = service
+            .server_builder()
+            .initial_max_slice_len(admin::TEXT_MAX)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create();
+        created.map(AdminServer::new).map_err(|e| self.admin_port_error(&e))
+    }
+
+    /// Attaches to `admin` as a client that asks about up to `robots` robots at a time.
+    ///
+    /// # Errors
+    /// [`ChannelError::NoDaemon`] when the channel does not exist, and the reasons for which it cannot
+    /// be opened.
+    pub fn admin(&self, robots: usize) -> Result<AdminPort, ChannelError> {
+        let service = self.open_admin()?;
+        let created = service
+            .client_builder()
+            .initial_max_slice_len(robots.max(1))
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create();
+        created.map(AdminPort::new).map_err(|e| self.admin_port_error(&e))
+    }
+
+    /// Who is attached now; 0 where a channel does not exist.
+    pub fn attached(&self) -> Attached {
+        let (state_readers, _) = self.ports::<RobotState>();
+        let (command_readers, _) = self.ports::<RobotCommand>();
+        let (telemetry_readers, _) = self.ports::<RobotTelemetry>();
+        let (_, observation_writers) = self.ports::<RobotObservation>();
+        let admin_clients =
+            self.open_admin().map_or(0, |service| service.dynamic_config().number_of_clients());
+        Attached { state_readers, command_readers, telemetry_readers, observation_writers, admin_clients }
+    }
+
+    /// Readers and writers of a channel.
+    fn ports<R: Record>(&self) -> (usize, usize) {
+        let Ok(name) = self.name::<R>() else { return (0, 0) };
+        let opened =
+            self.node.service_builder(&name).publish_subscribe::<[R]>().user_header::<R::Header>().open();
+        opened.map_or((0, 0), |service| {
+            let ports = service.dynamic_config();
+            (ports.number_of_subscribers(), ports.number_of_publishers())
+        })
+    }
+
+    fn open_admin(&self) -> Result<Admin, ChannelError> {
+        self.node
+            .service_builder(&self.admin_service_name()?)
+            .request_response::<[AdminRobot], [u8]>()
+            .request_user_header::<AdminRequest>()
+            .response_user_header::<AdminAnswer>()
+            .open()
+            .map_err(|e| self.admin_open_error(e))
+    }
+
+    fn admin_service_name(&self) -> Result<ServiceName, ChannelError> {
+        let name = self.transport.admin_name();
+        ServiceName::new(&name).map_err(|_| ChannelError::FleetName { name: self.transport.fleet.clone() })
+    }
+
+    fn admin_open_error(&self, error: RequestResponseOpenError) -> ChannelError {
+        if error == RequestResponseOpenError::DoesNotExist {
+            ChannelError::NoDaemon { service: self.transport.admin_name() }
+        } else {
+            self.admin_open_failure(&error)
+        }
+    }
+
+    fn admin_open_failure(&self, reason: &dyn Debug) -> ChannelError {
+        ChannelError::Open { service: self.transport.admin_name(), reason: format!("{reason:?}") }
+    }
+
+    fn admin_port_error(&self, reason: &dyn Debug) -> ChannelError {
+        ChannelError::Port { service: self.transport.admin_name(), reason: format!("{reason:?}") }
     }
 
     fn subscribe<R: Record>(

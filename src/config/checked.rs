@@ -4,8 +4,18 @@ use crate::scenario::Scenario;
 use std::path::Path;
 
 /// Keys that only a configuration has at its top.
-const CONFIG_KEYS: [&str; 9] =
-    ["scenario", "fleet", "timing", "realtime", "controller", "guidance", "source", "telemetry", "channel"];
+const CONFIG_KEYS: [&str; 10] = [
+    "scenario",
+    "fleet",
+    "timing",
+    "realtime",
+    "controller",
+    "guidance",
+    "source",
+    "telemetry",
+    "admin",
+    "channel",
+];
 
 /// What a file turned out to be, read and checked.
 #[derive(Debug, Clone, PartialEq)]

@@ -21,6 +21,7 @@
 //! # Ok::<(), clearway::document::ConfigError>(())
 //! ```
 
+mod admin;
 mod channel;
 mod checked;
 mod controller;
@@ -29,6 +30,7 @@ mod read;
 mod rules;
 mod runtime;
 
+pub use admin::AdminConfig;
 pub use channel::ChannelConfig;
 pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
@@ -60,6 +62,8 @@ pub struct Config {
     pub source: SourceConfig,
     /// Queues and histograms.
     pub telemetry: TelemetryConfig,
+    /// What operators may do.
+    pub admin: AdminConfig,
     /// Where the channels live and how much they hold.
     pub channel: ChannelConfig,
 }
@@ -82,8 +86,14 @@ impl Config {
             guidance: GuidanceParams::default(),
             source: SourceConfig::default(),
             telemetry: TelemetryConfig::default(),
+            admin: AdminConfig::default(),
             channel: ChannelConfig::default(),
         }
+    }
+
+    /// Places of the fleet: its robots, and room for those that may be added.
+    pub fn places(&self) -> usize {
+        self.scenario.robots.len().max(self.admin.capacity)
     }
 
     /// Reads and checks the TOML file at `path`. A scenario given as a path is relative to it.

@@ -3,8 +3,8 @@
 
 use super::rules::{arena_holds_the_scenario, contradictions};
 use super::{
-    ChannelConfig, Config, ControllerConfig, GuidanceParams, RealTimeConfig, SourceConfig, TelemetryConfig,
-    TimingConfig, Weights, is_fleet_name,
+    AdminConfig, ChannelConfig, Config, ControllerConfig, GuidanceParams, RealTimeConfig, SourceConfig,
+    TelemetryConfig, TimingConfig, Weights, is_fleet_name,
 };
 use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::scenario::{Scenario, has_file_ending};
@@ -44,6 +44,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     let guidance = GuidanceParams::read(root.section("guidance"));
     let source = source(root.section("source"));
     let telemetry = telemetry(root.section("telemetry"));
+    let admin = admin(root.section("admin"));
     let channel = channel(root.section("channel"));
     root.finish();
 
@@ -63,6 +64,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
         guidance,
         source: source.value,
         telemetry,
+        admin,
         channel,
     });
     if let Some(config) = &config {
@@ -122,6 +124,15 @@ fn realtime(mut s: Section<'_>) -> RealTimeConfig {
     s.set_flag("lock_memory", &mut r.lock_memory);
     s.finish();
     r
+}
+
+fn admin(mut s: Section<'_>) -> AdminConfig {
+    let mut a = AdminConfig::default();
+    s.set_integer("capacity", &mut a.capacity, 0..=Scenario::MAX_ROBOTS as u64);
+    s.set_integer("max_clients", &mut a.max_clients, 1..=256);
+    s.set_integer("changes_per_period", &mut a.changes_per_period, 1..=64);
+    s.finish();
+    a
 }
 
 fn channel(mut s: Section<'_>) -> ChannelConfig {

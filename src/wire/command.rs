@@ -77,11 +77,17 @@ pub enum StopReason {
     Finished = 8,
     /// The robot is a foreign one: it is observed and takes no commands.
     Foreign = 9,
+    /// The fleet is paused.
+    Paused = 10,
+    /// An operator stopped the fleet, until that is cleared.
+    Stopped = 11,
+    /// There is no robot: a free place of the fleet.
+    Vacant = 12,
 }
 
 impl StopReason {
     /// Every reason, in the order of the codes.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::Start,
         Self::Deadline,
         Self::Unverified,
@@ -91,7 +97,15 @@ impl StopReason {
         Self::Operator,
         Self::Finished,
         Self::Foreign,
+        Self::Paused,
+        Self::Stopped,
+        Self::Vacant,
     ];
+
+    /// Whether nothing went wrong: an operator wants it so, or nobody is there to be driven.
+    pub fn is_wanted(self) -> bool {
+        matches!(self, Self::Operator | Self::Paused | Self::Stopped | Self::Foreign | Self::Vacant)
+    }
 
     /// The reason behind a code on the wire; `None` for 0 and for codes of later versions.
     pub fn from_code(code: u32) -> Option<Self> {
@@ -110,6 +124,9 @@ impl StopReason {
             Self::Operator => "operator",
             Self::Finished => "finished",
             Self::Foreign => "foreign",
+            Self::Paused => "paused",
+            Self::Stopped => "stopped",
+            Self::Vacant => "vacant",
         }
     }
 }

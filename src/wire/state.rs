@@ -11,6 +11,12 @@ pub mod state_flags {
     pub const ARRIVED: u32 = 1 << 1;
     /// The robot is a foreign one: it is observed, takes no commands and has no goal.
     pub const FOREIGN: u32 = 1 << 2;
+    /// Nobody: a free place of the fleet. The rest of the record says nothing.
+    pub const VACANT: u32 = 1 << 3;
+    /// The fleet is paused: the robot is told to stop until it is resumed.
+    pub const PAUSED: u32 = 1 << 4;
+    /// The fleet was stopped by an operator: the robot is told to stop until that is cleared.
+    pub const STOPPED: u32 = 1 << 5;
 }
 
 /// Header of a sample on `state`.
@@ -103,6 +109,16 @@ impl RobotState {
         };
         state.set_pose(robot.start);
         state
+    }
+
+    /// A free place.
+    pub fn vacant() -> Self {
+        Self { id: super::NO_ROBOT, flags: state_flags::VACANT, ..Self::default() }
+    }
+
+    /// Whether the fleet is held: paused or stopped.
+    pub fn is_held(&self) -> bool {
+        self.flags & (state_flags::PAUSED | state_flags::STOPPED) != 0
     }
 
     /// Id of the robot.
