@@ -3,9 +3,9 @@
 use std::mem::{align_of, offset_of, size_of};
 
 use clearway::wire::{
-    AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, CommandHeader, ObservationHeader,
-    RobotCommand, RobotIntent, RobotObservation, RobotState, RobotTelemetry, StateHeader, StopReason,
-    TelemetryHeader,
+    AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, CheckpointHeader, CommandHeader,
+    ObservationHeader, RobotCheckpoint, RobotCommand, RobotIntent, RobotObservation, RobotState,
+    RobotTelemetry, StateHeader, StopReason, TelemetryHeader,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -46,6 +46,8 @@ fn names_sizes_and_alignments() {
         layout::<AdminAnswer>(&[words(4), vec![4; 4], words(17), vec![4; 14]].concat()),
         ("clearway.v1.AdminAnswer", 240, 8)
     );
+    assert_eq!(layout::<CheckpointHeader>(&words(4)), ("clearway.v1.CheckpointHeader", 32, 8));
+    assert_eq!(layout::<RobotCheckpoint>(&ids_then(24)), ("clearway.v1.RobotCheckpoint", 200, 8));
 }
 
 #[test]

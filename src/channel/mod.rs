@@ -1,8 +1,8 @@
 //! The channels of a fleet in shared memory: `clearway/<fleet>/v1/<channel>`.
 //!
 //! Reads and writes the records of [`crate::wire`] through iceoryx2 publish-subscribe services. A
-//! sample is written in place and read in place: nothing is copied. `state`, `command` and
-//! `telemetry` have one writer, `observation` has many.
+//! sample is written in place and read in place: nothing is copied. `observation` has many writers,
+//! the others one.
 //!
 //! | channel | record | writer | when a reader is slow |
 //! |---|---|---|---|
@@ -10,6 +10,7 @@
 //! | `state` | [`RobotState`] | the daemon | oldest overwritten |
 //! | `command` | [`RobotCommand`] | the daemon | oldest overwritten |
 //! | `telemetry` | [`RobotTelemetry`] | the daemon | newest discarded, counted |
+//! | `checkpoint` | [`RobotCheckpoint`] | the daemon | newest discarded, counted |
 //!
 //! A fifth one, `admin`, carries requests to the daemon and its answers: [`AdminPort`] and
 //! [`AdminServer`].
@@ -46,7 +47,7 @@ pub use reader::{Reader, Received};
 pub use record::{Channel, Record};
 pub use writer::Writer;
 
-use crate::wire::{RobotCommand, RobotObservation, RobotState, RobotTelemetry};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotObservation, RobotState, RobotTelemetry};
 
 /// Reads the fleet's states.
 pub type StateReader = Reader<RobotState>;
@@ -56,3 +57,5 @@ pub type CommandReader = Reader<RobotCommand>;
 pub type TelemetryReader = Reader<RobotTelemetry>;
 /// Reads what plants and drivers observed.
 pub type ObservationReader = Reader<RobotObservation>;
+/// Reads what the controllers remembered.
+pub type CheckpointReader = Reader<RobotCheckpoint>;

@@ -17,7 +17,8 @@ use super::error::SHARED_MEMORY;
 use super::{Channel, ChannelError, Owner, Reader, Record, Writer};
 use crate::config::{ChannelConfig, is_fleet_name};
 use crate::wire::{
-    AdminAnswer, AdminRequest, AdminRobot, RobotCommand, RobotObservation, RobotState, RobotTelemetry,
+    AdminAnswer, AdminRequest, AdminRobot, RobotCheckpoint, RobotCommand, RobotObservation, RobotState,
+    RobotTelemetry,
 };
 
 /// Nodes that a service can have: the daemon's threads and everybody who is attached.
@@ -92,6 +93,7 @@ impl Transport {
         let needed = self.bytes::<RobotState>(robots)
             + self.bytes::<RobotCommand>(robots)
             + self.bytes::<RobotTelemetry>(robots)
+            + self.bytes::<RobotCheckpoint>(robots)
             + MANAGEMENT_BYTES;
         let needed_bytes = u64::try_from(needed).unwrap_or(u64::MAX);
         let Ok(shared) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
@@ -105,8 +107,8 @@ impl Transport {
     /// What the writer of a channel sets aside for its samples.
     fn bytes<R: Record>(&self, robots: usize) -> usize {
         let sample = sample_bytes::<R>(robots);
-        let depth = Channel::depth(&self.settings, sample);
-        (self.settings.max_readers.max(1) * (depth + MAX_HELD) + MAX_LOANED + 1)
+        let depth = R::CHANNEL.depth(&self.settings, sample);
+        (R::CHANNEL.max_readers(&self.settings) * (depth + MAX_HELD) + MAX_LOANED + 1)
             * (sample + SAMPLE_OVERHEAD_BYTES)
     }
 
@@ -346,10 +348,10 @@ impl Attachment {
             .publish_subscribe::<[R]>()
             .user_header::<R::Header>()
             .max_publishers(R::CHANNEL.max_writers(settings))
-            .max_subscribers(settings.max_readers.max(1))
+            .max_subscribers(R::CHANNEL.max_readers(settings))
             .max_nodes(MAX_NODES)
             .subscriber_max_borrowed_samples(MAX_HELD)
-            .subscriber_max_buffer_size(Channel::depth(settings, sample_bytes::<R>(robots)))
+            .subscriber_max_buffer_size(R::CHANNEL.depth(settings, sample_bytes::<R>(robots)))
             .history_size(history)
             .enable_safe_overflow(R::CHANNEL.overwrites_oldest())
             .open_or_create()

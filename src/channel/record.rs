@@ -4,14 +4,17 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::config::ChannelConfig;
 use crate::wire::{
-    CommandHeader, ObservationHeader, RobotCommand, RobotObservation, RobotState, RobotTelemetry,
-    StateHeader, TelemetryHeader,
+    CheckpointHeader, CommandHeader, ObservationHeader, RobotCheckpoint, RobotCommand, RobotObservation,
+    RobotState, RobotTelemetry, StateHeader, TelemetryHeader,
 };
 
 /// Shared memory that a channel may fill when its depth is not set.
 const CHANNEL_BYTES: usize = 32 << 20;
 
-/// The four channels.
+/// Readers that `checkpoint` can have at a time: recorders.
+const CHECKPOINT_READERS_MAX: usize = 4;
+
+/// The channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Channel {
     /// Poses from plants and drivers.
@@ -22,6 +25,8 @@ pub enum Channel {
     Command,
     /// How each period went.
     Telemetry,
+    /// What the controllers remembered before each period.
+    Checkpoint,
 }
 
 impl Channel {
@@ -32,21 +37,27 @@ impl Channel {
             Self::State => "state",
             Self::Command => "command",
             Self::Telemetry => "telemetry",
+            Self::Checkpoint => "checkpoint",
         }
     }
 
     /// Whether a slow reader loses its oldest samples; otherwise it does not get the newest.
     pub(super) fn overwrites_oldest(self) -> bool {
-        self != Self::Telemetry
+        !matches!(self, Self::Telemetry | Self::Checkpoint)
     }
 
     pub(super) fn max_writers(self, config: &ChannelConfig) -> usize {
         if self == Self::Observation { config.max_observers.max(1) } else { 1 }
     }
 
+    pub(super) fn max_readers(self, config: &ChannelConfig) -> usize {
+        let readers = config.max_readers.max(1);
+        if self == Self::Checkpoint { readers.min(CHECKPOINT_READERS_MAX) } else { readers }
+    }
+
     /// Samples kept for each reader, when one sample has `sample_bytes`.
-    pub(super) fn depth(config: &ChannelConfig, sample_bytes: usize) -> usize {
-        let fits = CHANNEL_BYTES / (config.max_readers.max(1) * sample_bytes.max(1));
+    pub(super) fn depth(self, config: &ChannelConfig, sample_bytes: usize) -> usize {
+        let fits = CHANNEL_BYTES / (self.max_readers(config) * sample_bytes.max(1));
         config.depth.unwrap_or(fits.clamp(8, 64)).max(1)
     }
 }
@@ -77,4 +88,9 @@ impl Record for RobotCommand {
 impl Record for RobotTelemetry {
     type Header = TelemetryHeader;
     const CHANNEL: Channel = Channel::Telemetry;
+}
+
+impl Record for RobotCheckpoint {
+    type Header = CheckpointHeader;
+    const CHANNEL: Channel = Channel::Checkpoint;
 }

@@ -23,7 +23,7 @@ use crate::model::{Limits, Obstacle};
 use crate::neighbours::Neighbourhood;
 use crate::programme::{Programme, Solution};
 use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
-use crate::wire::{RobotCommand, RobotIntent, RobotState, RobotTelemetry};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry};
 use robot::RobotController;
 use std::ops::Range;
 
@@ -207,6 +207,20 @@ impl RobotGroup {
                 recorder: None,
             },
         })
+    }
+
+    /// Calls `each` with every owned robot's index in the fleet and what it remembers.
+    pub fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+        for robot in &self.owned {
+            each(robot.index(), robot.checkpoint());
+        }
+    }
+
+    /// Makes robot `index` of the fleet remember what it did at `checkpoint`; whether it is owned here
+    /// and has that id.
+    pub fn restore(&mut self, index: usize, checkpoint: &RobotCheckpoint) -> bool {
+        let robot = self.owned.iter_mut().find(|robot| robot.index() == index);
+        robot.is_some_and(|robot| robot.restore(checkpoint))
     }
 
     /// Decides for every owned robot; calls `each` with its index in the fleet.

@@ -14,8 +14,8 @@ use crate::programme::{Certificate, Interval};
 use crate::solver::{Outcome, Solver, optimal_speed, optimal_turn_rate};
 use crate::verify::Residuals;
 use crate::wire::{
-    RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason, state_flags,
-    telemetry_flags,
+    RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason,
+    checkpoint_flags, state_flags, telemetry_flags,
 };
 use std::time::Instant;
 
@@ -133,6 +133,24 @@ impl RobotController {
 
     pub(super) fn index(&self) -> usize {
         self.index
+    }
+
+    /// What it remembers. Everything else that a decision depends on is in the states and in `Law`.
+    pub(super) fn checkpoint(&self) -> RobotCheckpoint {
+        RobotCheckpoint {
+            id: self.id.0,
+            flags: checkpoint_flags::ANSWERED,
+            words: guidance::checkpoint::words(&self.memory),
+        }
+    }
+
+    /// Goes back to what it remembered; whether `checkpoint` is one of its own.
+    pub(super) fn restore(&mut self, checkpoint: &RobotCheckpoint) -> bool {
+        let own = checkpoint.id == self.id.0;
+        if own {
+            self.memory = guidance::checkpoint::memory(&checkpoint.words);
+        }
+        own
     }
 
     /// The whole step for one period.

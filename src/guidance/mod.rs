@@ -19,6 +19,7 @@ use crate::geometry::{rotate, unit, wrap};
 mod anticipate;
 mod ask;
 mod bypass;
+pub(crate) mod checkpoint;
 mod contact;
 mod giveway;
 mod halfplane;

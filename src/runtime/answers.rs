@@ -4,7 +4,7 @@ use super::statistics::Statistics;
 use super::watchdog::Watchdog;
 use crate::figures::Accumulator;
 use crate::telemetry::{Pool, SolveRecord};
-use crate::wire::RobotTelemetry;
+use crate::wire::{RobotCheckpoint, RobotTelemetry};
 
 /// The workers' records of the last periods, put together by tick.
 pub(super) struct Answers {
@@ -21,12 +21,18 @@ pub(super) struct Answer {
     /// When the last of them was staged, from the state's stamp, ns.
     pub(super) staged_ns: u64,
     pub(super) robots: Vec<RobotTelemetry>,
+    pub(super) checkpoints: Vec<RobotCheckpoint>,
 }
 
 impl Answers {
     pub(super) fn new(robots: usize, workers: usize, periods: usize) -> Self {
-        let empty =
-            Answer { tick: None, known: 0, staged_ns: 0, robots: vec![RobotTelemetry::default(); robots] };
+        let empty = Answer {
+            tick: None,
+            known: 0,
+            staged_ns: 0,
+            robots: vec![RobotTelemetry::default(); robots],
+            checkpoints: vec![RobotCheckpoint::default(); robots],
+        };
         Self { ring: vec![empty; periods.max(1)], watchdog: Watchdog::new(workers) }
     }
 
@@ -65,9 +71,12 @@ impl Answers {
         if answer.tick != Some(record.tick) {
             (answer.tick, answer.known, answer.staged_ns) = (Some(record.tick), 0, 0);
             answer.robots.fill(RobotTelemetry::default());
+            answer.checkpoints.fill(RobotCheckpoint::default());
         }
         answer.known += record.robots.len();
         answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
+        let mine = answer.checkpoints.iter_mut().skip(record.first);
+        mine.zip(&record.checkpoints).for_each(|(mine, checkpoint)| *mine = *checkpoint);
         let mine = answer.robots.iter_mut().skip(record.first);
         for (mine, robot) in mine.zip(&record.robots) {
             *mine = *robot;

@@ -213,10 +213,10 @@ impl Daemon {
             let period_s = config.timing.period_s();
             let prepared = (|| {
                 let node = common.transport.attach("clearwayd-house")?;
-                let telemetry = node.writer(robots)?;
-                Ok::<_, DaemonError>((node, telemetry, Statistics::new(robots, period_s)?))
+                let (telemetry, checkpoints) = (node.writer(robots)?, node.writer(robots)?);
+                Ok::<_, DaemonError>((node, telemetry, checkpoints, Statistics::new(robots, period_s)?))
             })();
-            let (node, telemetry, statistics) = match prepared {
+            let (node, telemetry, checkpoints, statistics) = match prepared {
                 Ok(prepared) => prepared,
                 Err(e) => {
                     let _ = ready.send(Err(e));
@@ -230,6 +230,7 @@ impl Daemon {
             let housekeeper = Housekeeper {
                 node,
                 telemetry,
+                checkpoints,
                 periods,
                 solves,
                 board: Arc::clone(&common.board),

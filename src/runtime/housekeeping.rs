@@ -17,7 +17,7 @@ use crate::figures::Accumulator;
 use crate::model::Command;
 use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{RobotTelemetry, StopReason, TelemetryHeader};
+use crate::wire::{CheckpointHeader, RobotCheckpoint, RobotTelemetry, StopReason, TelemetryHeader};
 
 /// How often dead processes are cleaned up and changes are logged.
 const CHORES_EVERY: Duration = Duration::from_secs(1);
@@ -33,6 +33,7 @@ const SETTLING_STEPS_MAX: u32 = 250;
 pub(super) struct Housekeeper {
     pub(super) node: Attachment,
     pub(super) telemetry: Writer<RobotTelemetry>,
+    pub(super) checkpoints: Writer<RobotCheckpoint>,
     pub(super) periods: Arc<Pool<PeriodRecord>>,
     pub(super) solves: Vec<Arc<Pool<SolveRecord>>>,
     pub(super) board: Arc<Board>,
@@ -95,6 +96,7 @@ impl Housekeeper {
             answers,
             statistics,
             telemetry,
+            checkpoints,
             settled,
             forecast,
             auditor,
@@ -124,6 +126,7 @@ impl Housekeeper {
                     driven.remember(period, statistics.period_s);
                     *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);
+                    publish_checkpoint(checkpoints, period, answers);
                 })
                 .is_some();
         }
@@ -221,5 +224,27 @@ fn publish(
     });
     if sent.is_err() {
         tracing::debug!(tick = header.tick, "telemetry did not reach every reader");
+    }
+}
+
+/// Sends what the controllers remembered before they answered the period's state.
+fn publish_checkpoint(checkpoints: &mut Writer<RobotCheckpoint>, period: &PeriodRecord, answers: &Answers) {
+    let answer = answers.get(period.header.tick);
+    let sent = checkpoints.publish(|head, robots| {
+        *head = CheckpointHeader {
+            epoch: period.header.epoch,
+            tick: period.header.tick,
+            skipped_periods: period.header.skipped_periods,
+            commands_published: u64::from(period.published),
+        };
+        for (index, (robot, command)) in robots.iter_mut().zip(&period.commands).enumerate() {
+            if let Some(known) = answer.and_then(|a| a.checkpoints.get(index)) {
+                *robot = *known;
+            }
+            robot.id = command.id;
+        }
+    });
+    if sent.is_err() {
+        tracing::debug!(tick = period.header.tick, "a checkpoint did not reach every reader");
     }
 }

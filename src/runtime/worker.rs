@@ -98,6 +98,12 @@ impl Worker {
             record.tick = tick;
             record.state_to_worker_ns = state_to_worker_ns;
             let first = record.first;
+            decider.checkpoint(&mut |index, checkpoint| {
+                let slot = index.checked_sub(first).and_then(|own| record.checkpoints.get_mut(own));
+                if let Some(slot) = slot {
+                    *slot = checkpoint;
+                }
+            });
             let robots = &mut record.robots;
             decide(&self.board, &self.owned, tick, decider, sample.robots(), |index, telemetry| {
                 if let Some(slot) = robots.get_mut(index - first) {

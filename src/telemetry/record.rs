@@ -1,5 +1,5 @@
 use crate::admission::Rejections;
-use crate::wire::{RobotCommand, RobotState, RobotTelemetry, TelemetryHeader};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, RobotTelemetry, TelemetryHeader};
 
 /// One period of the loop.
 #[derive(Debug, Clone, Default)]
@@ -42,11 +42,18 @@ pub struct SolveRecord {
     pub state_to_staged_ns: u64,
     /// One record for each of its robots.
     pub robots: Vec<RobotTelemetry>,
+    /// What each of them remembered before.
+    pub checkpoints: Vec<RobotCheckpoint>,
 }
 
 impl SolveRecord {
     /// An empty record for the worker of `robots` robots from index `first`.
     pub fn with_robots(first: usize, robots: usize) -> Self {
-        Self { first, robots: vec![RobotTelemetry::default(); robots], ..Self::default() }
+        Self {
+            first,
+            robots: vec![RobotTelemetry::default(); robots],
+            checkpoints: vec![RobotCheckpoint::default(); robots],
+            ..Self::default()
+        }
     }
 }

@@ -10,6 +10,7 @@
 //! is in the channel's name: a layout never changes within a version.
 
 mod admin;
+mod checkpoint;
 mod codes;
 mod command;
 mod observation;
@@ -19,6 +20,7 @@ mod telemetry;
 use codes::named_codes;
 
 pub use admin::{AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, admin_flags};
+pub use checkpoint::{CheckpointHeader, RobotCheckpoint, checkpoint_flags};
 pub use command::{CommandHeader, RobotCommand, StopReason};
 pub use observation::{ObservationHeader, RobotObservation};
 pub use state::{RobotIntent, RobotState, StateHeader, state_flags};

@@ -1,0 +1,96 @@
+//! A robot's memory as plain words and back, to the bit: what a recording needs to compute a decision again.
+
+use super::types::{Around, Intent, Memory, Progress, Way};
+use crate::geometry::Vec2;
+use crate::wire::RobotCheckpoint;
+
+/// The memory as words; unused ones are 0.
+pub(crate) fn words(memory: &Memory) -> [u64; RobotCheckpoint::WORDS] {
+    // Taken apart completely: a field that is forgotten here does not compile.
+    let Memory { started, intent, progress, fallback_s, beta_rad, around, way, ask_s } = *memory;
+    let Intent { heading_rad, speed_mps, target_m, blocked_s: told_blocked_s, rank: told_rank } = intent;
+    let Progress { blocked_s, still_s, turned_rad, queued_s } = progress;
+    let Around { side, free_s, spent_s, changes } = around;
+    let Way { left_s, rest_s, rank, spot_m } = way;
+    let numbers = [
+        heading_rad,
+        speed_mps,
+        target_m.x,
+        target_m.y,
+        told_blocked_s,
+        blocked_s,
+        still_s,
+        turned_rad,
+        queued_s,
+        fallback_s,
+        beta_rad,
+        side,
+        free_s,
+        spent_s,
+        changes,
+        left_s,
+        rest_s,
+        spot_m.x,
+        spot_m.y,
+        ask_s,
+    ];
+    let mut words = [0; RobotCheckpoint::WORDS];
+    words[0] = u64::from(started);
+    words[1] = u64::from(told_rank) << 32 | u64::from(rank);
+    for (word, number) in words[2..].iter_mut().zip(numbers) {
+        *word = number.to_bits();
+    }
+    words
+}
+
+/// The memory that `words` came from.
+#[expect(clippy::cast_possible_truncation, reason = "takes apart what `words` put together")]
+pub(crate) fn memory(words: &[u64; RobotCheckpoint::WORDS]) -> Memory {
+    let number = |index: usize| f64::from_bits(words[index + 2]);
+    Memory {
+        started: words[0] != 0,
+        intent: Intent {
+            heading_rad: number(0),
+            speed_mps: number(1),
+            target_m: Vec2::new(number(2), number(3)),
+            blocked_s: number(4),
+            rank: (words[1] >> 32) as u32,
+        },
+        progress: Progress {
+            blocked_s: number(5),
+            still_s: number(6),
+            turned_rad: number(7),
+            queued_s: number(8),
+        },
+        fallback_s: number(9),
+        beta_rad: number(10),
+        around: Around { side: number(11), free_s: number(12), spent_s: number(13), changes: number(14) },
+        way: Way {
+            left_s: number(15),
+            rest_s: number(16),
+            rank: words[1] as u32,
+            spot_m: Vec2::new(number(17), number(18)),
+        },
+        ask_s: number(19),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn memory_survives_the_round_trip(
+            started in any::<bool>(),
+            ranks in any::<u64>(),
+            numbers in prop::array::uniform20(any::<u64>()),
+        ) {
+            let mut before = [0; RobotCheckpoint::WORDS];
+            (before[0], before[1]) = (u64::from(started), ranks);
+            before[2..22].copy_from_slice(&numbers);
+            prop_assert_eq!(words(&memory(&before)), before);
+        }
+    }
+}
