@@ -37,6 +37,7 @@ pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights
 pub use guidance::GuidanceParams;
 pub use runtime::{
     PublishAt, RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig,
+    Wakeup,
 };
 
 use crate::document::{ConfigError, Document};

@@ -48,7 +48,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     let channel = channel(root.section("channel"));
     root.finish();
 
-    contradictions(doc, &timing, &controller, &source);
+    contradictions(doc, &timing, &realtime, &controller, &source);
     // A scenario has problems of its own, in its own file: they are reported alone.
     let resolved = match &scenario {
         _ if !doc.is_sound() => None,
@@ -59,7 +59,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
         fleet: fleet.unwrap_or_else(|| "default".to_owned()),
         scenario: resolved,
         timing: timing.value,
-        realtime,
+        realtime: realtime.value,
         controller: controller.value,
         guidance,
         source: source.value,
@@ -110,9 +110,15 @@ fn timing(mut s: Section<'_>) -> Timing {
     Timing { value: t, period, margin }
 }
 
-fn realtime(mut s: Section<'_>) -> RealTimeConfig {
+pub(super) struct RealTime {
+    pub(super) value: RealTimeConfig,
+    pub(super) policy: Option<Place>,
+    pub(super) wakeup: Option<Place>,
+}
+
+fn realtime(mut s: Section<'_>) -> RealTime {
     let mut r = RealTimeConfig::default();
-    s.set_choice("policy", &mut r.policy);
+    let policy = s.set_choice("policy", &mut r.policy);
     s.set_integer("priority", &mut r.priority, 1..=99);
     s.set_integer_or("loop_cpu", &mut r.loop_cpu, 0..=CPUS_MAX, "the first usable one");
     s.set_distinct(
@@ -122,8 +128,9 @@ fn realtime(mut s: Section<'_>) -> RealTimeConfig {
         "the usable ones from the last backwards",
     );
     s.set_flag("lock_memory", &mut r.lock_memory);
+    let wakeup = s.set_choice("wakeup", &mut r.wakeup);
     s.finish();
-    r
+    RealTime { value: r, policy, wakeup }
 }
 
 fn admin(mut s: Section<'_>) -> AdminConfig {

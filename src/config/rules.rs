@@ -1,5 +1,5 @@
-use super::Config;
-use super::read::{Controller, Source, Timing};
+use super::read::{Controller, RealTime, Source, Timing};
+use super::{Config, RealTimePolicy, Wakeup};
 use crate::document::{Document, ErrorKind, Place, Problem};
 use crate::geometry::Vec2;
 
@@ -8,7 +8,13 @@ const MAX_AGE_PERIODS: u64 = 500;
 
 /// Rules between values that are fine alone. A value that was left out has its default; only what
 /// was written can be pointed at.
-pub(super) fn contradictions(doc: &Document, timing: &Timing, controller: &Controller, source: &Source) {
+pub(super) fn contradictions(
+    doc: &Document,
+    timing: &Timing,
+    realtime: &RealTime,
+    controller: &Controller,
+    source: &Source,
+) {
     if !doc.is_sound() {
         return;
     }
@@ -21,6 +27,11 @@ pub(super) fn contradictions(doc: &Document, timing: &Timing, controller: &Contr
         );
         let places = [(timing.margin.as_ref(), "margin"), (timing.period.as_ref(), "period")];
         conflict(doc, "timing.deadline_margin_us", message, places, "choose a margin well below the period");
+    }
+    if (realtime.value.policy, realtime.value.wakeup) == (RealTimePolicy::Off, Wakeup::Spin) {
+        let message = "threads spin on CPUs of their own only, and policy = \"off\" pins none".to_owned();
+        let places = [(realtime.wakeup.as_ref(), "spins"), (realtime.policy.as_ref(), "pins nothing")];
+        conflict(doc, "realtime.wakeup", message, places, "set policy = \"prefer\", or wakeup = \"futex\"");
     }
     if c.comfort_gamma > c.gamma {
         let message = format!(

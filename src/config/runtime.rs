@@ -67,6 +67,21 @@ pub enum RealTimePolicy {
 
 names!(RealTimePolicy { Require => "require", Prefer => "prefer", Off => "off" });
 
+/// How the real-time threads wait for each other. The results are the same to the bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wakeup {
+    /// Asleep in the kernel.
+    #[default]
+    Futex,
+    /// Spinning from shortly before the other is expected, for a bounded time; otherwise asleep. Only on
+    /// a CPU that no other thread of the daemon is pinned to.
+    Spin,
+    /// Asleep in a queue of crossbeam's, which takes a lock inside. To compare with.
+    Channel,
+}
+
+names!(Wakeup { Futex => "futex", Spin => "spin", Channel => "channel" });
+
 /// Scheduling, pinning and memory locking.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RealTimeConfig {
@@ -80,6 +95,8 @@ pub struct RealTimeConfig {
     pub worker_cpus: Vec<usize>,
     /// Lock all memory, present and future.
     pub lock_memory: bool,
+    /// How the loop and the workers wait for each other.
+    pub wakeup: Wakeup,
 }
 
 impl Default for RealTimeConfig {
@@ -90,6 +107,7 @@ impl Default for RealTimeConfig {
             loop_cpu: None,
             worker_cpus: Vec::new(),
             lock_memory: true,
+            wakeup: Wakeup::default(),
         }
     }
 }

@@ -74,7 +74,22 @@ pub struct Placement {
     pub worker_cpus: Vec<Option<usize>>,
 }
 
+/// Where one thread runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Seat {
+    /// The CPU that it is to be pinned to.
+    pub cpu: Option<usize>,
+    /// Whether no other of the daemon's real-time threads is.
+    pub alone: bool,
+}
+
 impl Placement {
+    /// The seat of a thread that is placed on `cpu`.
+    pub fn seat(&self, cpu: Option<usize>) -> Seat {
+        let placed = self.worker_cpus.iter().chain([&self.loop_cpu]);
+        Seat { cpu, alone: cpu.is_some() && placed.filter(|&&other| other == cpu).count() == 1 }
+    }
+
     /// Places the loop and its workers on `usable` CPUs.
     ///
     /// The loop gets the first; the workers go from the last backwards and share only when there
@@ -100,6 +115,7 @@ impl Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Wakeup;
 
     #[test]
     fn workers_fill_the_cpus_from_the_last_and_never_outnumber_the_robots() {
@@ -108,6 +124,9 @@ mod tests {
         assert_eq!(place(None, 8).loop_cpu, Some(2));
         assert_eq!(place(None, 8).worker_cpus, [Some(7), Some(3), Some(2)]);
         assert_eq!(place(None, 2).worker_cpus, [Some(7), Some(3)]);
+        let three = place(None, 8);
+        assert_eq!([2, 3, 7].map(|cpu| three.seat(Some(cpu)).alone), [false, true, true]);
+        assert_eq!(three.seat(None), Seat { cpu: None, alone: false });
         assert_eq!(place(Some(4), 8).worker_cpus, [Some(7), Some(3), Some(2), Some(7)]);
         assert_eq!(place(Some(0), 0).worker_cpus, [Some(7)]);
         assert_eq!(Placement::new(&config, Some(2), 8, &[]).worker_cpus, [None, None]);
@@ -132,6 +151,7 @@ mod tests {
             policy: "fifo",
             priority: 9,
             cpu: Some(1),
+            wakeup: Wakeup::Futex,
             refused: vec!["x".into()],
         });
         assert_eq!((achieved.policy, achieved.priority), ("fifo", 9));

@@ -2,8 +2,8 @@ use std::num::NonZeroU64;
 
 use rustix::thread::{CpuSet, sched_getaffinity, set_current_timer_slack};
 
-use super::prefault_stack;
-use crate::config::{RealTimeConfig, RealTimePolicy};
+use super::{Seat, prefault_stack};
+use crate::config::{RealTimeConfig, RealTimePolicy, Wakeup};
 
 /// What a thread does, which decides its priority and the words in messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +41,8 @@ pub struct ThreadGrant {
     pub priority: i32,
     /// The one CPU it runs on, when it is pinned.
     pub cpu: Option<usize>,
+    /// How it may wait.
+    pub wakeup: Wakeup,
     /// What was asked for and refused, with what to do about it.
     pub refused: Vec<String>,
 }
@@ -55,9 +57,11 @@ pub fn usable_cpus() -> Vec<usize> {
         .unwrap_or_default()
 }
 
-/// Makes the calling thread what `role` asks for, pinned to `cpu`.
-pub fn enter(role: Role, config: &RealTimeConfig, cpu: Option<usize>) -> ThreadGrant {
-    let mut grant = ThreadGrant { policy: "other", priority: 0, cpu: None, refused: Vec::new() };
+/// Makes the calling thread what `role` asks for, on `seat`.
+pub fn enter(role: Role, config: &RealTimeConfig, seat: Seat) -> ThreadGrant {
+    // Who cannot be alone on a CPU must not keep it busy while waiting.
+    let wakeup = if config.wakeup == Wakeup::Spin { Wakeup::Futex } else { config.wakeup };
+    let mut grant = ThreadGrant { policy: "other", priority: 0, cpu: None, wakeup, refused: Vec::new() };
     if config.policy == RealTimePolicy::Off {
         return grant;
     }
@@ -66,7 +70,7 @@ pub fn enter(role: Role, config: &RealTimeConfig, cpu: Option<usize>) -> ThreadG
     if let Err(e) = set_current_timer_slack(NonZeroU64::new(1)) {
         grant.refused.push(format!("timer slack of {role} not set: {e}"));
     }
-    if let Some(cpu) = cpu {
+    if let Some(cpu) = seat.cpu {
         if core_affinity::set_for_current(core_affinity::CoreId { id: cpu }) && usable_cpus() == [cpu] {
             grant.cpu = Some(cpu);
         } else {
@@ -75,6 +79,14 @@ pub fn enter(role: Role, config: &RealTimeConfig, cpu: Option<usize>) -> ThreadG
                  those that `taskset -p $$` shows, or widen the cpuset"
             ));
         }
+    }
+    if grant.cpu.is_some() && seat.alone {
+        grant.wakeup = config.wakeup;
+    } else if config.wakeup == Wakeup::Spin {
+        grant.refused.push(format!(
+            "{role} does not spin: it would keep others from the CPU that it shares; give it one of its \
+             own with loop_cpu and worker_cpus, or set wakeup = \"futex\""
+        ));
     }
     let priority = role.priority(config);
     match set_fifo(priority) {
@@ -120,8 +132,9 @@ mod tests {
     #[test]
     fn what_is_not_granted_is_reported() {
         let cpu = usable_cpus()[0];
+        let seat = Seat { cpu: Some(cpu), alone: true };
         let grant = std::thread::spawn(move || {
-            let grant = enter(Role::Worker(2), &RealTimeConfig::default(), Some(cpu));
+            let grant = enter(Role::Worker(2), &RealTimeConfig::default(), seat);
             assert_eq!(grant.cpu.is_some(), usable_cpus() == [cpu]);
             grant
         });
@@ -132,17 +145,37 @@ mod tests {
 
     #[test]
     fn a_cpu_that_does_not_exist_is_a_refusal() {
-        let nowhere = CpuSet::MAX_CPU - 1;
-        let grant = std::thread::spawn(move || enter(Role::Loop, &RealTimeConfig::default(), Some(nowhere)));
+        let seat = Seat { cpu: Some(CpuSet::MAX_CPU - 1), alone: true };
+        let grant = std::thread::spawn(move || enter(Role::Loop, &RealTimeConfig::default(), seat));
         let grant = grant.join().unwrap();
         assert_eq!(grant.cpu, None);
         assert!(grant.refused.iter().any(|r| r.contains("not pinned")), "{:?}", grant.refused);
     }
 
     #[test]
+    fn only_who_is_pinned_alone_spins() {
+        let config = RealTimeConfig { wakeup: Wakeup::Spin, ..RealTimeConfig::default() };
+        let cpu = Some(usable_cpus()[0]);
+        for (seat, granted) in [
+            (Seat { cpu, alone: true }, Wakeup::Spin),
+            (Seat { cpu, alone: false }, Wakeup::Futex),
+            (Seat { cpu: None, alone: false }, Wakeup::Futex),
+        ] {
+            let config = config.clone();
+            let grant = std::thread::spawn(move || enter(Role::Worker(0), &config, seat)).join().unwrap();
+            assert_eq!(grant.wakeup, granted);
+            let told = grant.refused.iter().any(|refused| refused.contains("does not spin"));
+            assert_eq!(told, granted != Wakeup::Spin);
+        }
+    }
+
+    #[test]
     fn off_asks_for_nothing() {
         let config = RealTimeConfig { policy: RealTimePolicy::Off, ..RealTimeConfig::default() };
-        let grant = std::thread::spawn(move || enter(Role::Loop, &config, Some(0))).join().unwrap();
+        let grant =
+            std::thread::spawn(move || enter(Role::Loop, &config, Seat { cpu: Some(0), alone: true }))
+                .join()
+                .unwrap();
         assert_eq!((grant.policy, grant.cpu, grant.refused.len()), ("other", None, 0));
     }
 }

@@ -2,6 +2,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use super::event_count::EventCount;
 use super::staging::Staging;
+use crate::config::Wakeup;
 use crate::wire::StopReason;
 
 /// No period has been released yet.
@@ -48,13 +49,13 @@ pub(super) enum Released {
 
 impl Board {
     /// For robots with these ids, and at most 65535 workers.
-    pub(super) fn new(ids: Vec<u32>, workers: usize) -> Self {
+    pub(super) fn new(ids: Vec<u32>, workers: usize, wakeup: Wakeup) -> Self {
         Self {
             released: AtomicU64::new(NOTHING),
-            releases: EventCount::default(),
+            releases: EventCount::new(wakeup, workers),
             busy: AtomicU64::new(0),
             workers: (workers as u64).min(BUSY),
-            completions: EventCount::default(),
+            completions: EventCount::new(wakeup, 1),
             stop: AtomicU32::new(0),
             staging: Staging::new(ids),
             worker_panics: AtomicU64::new(0),
@@ -121,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_period_is_complete_when_every_worker_is_done_with_it() {
-        let board = Board::new(vec![0], 2);
+        let board = Board::new(vec![0], 2, Wakeup::Futex);
         // The last one is far beyond what is kept of a tick, and the largest that can be released.
         for tick in [0, 1, 2, (1 << 32) - 1, 1 << 32, (1 << 48) - 1, 1 << 48, u64::MAX - 2] {
             board.release(tick);

@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
 use super::board::Board;
+use super::event_count::{SPIN_LEAD_NS, Waiting};
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
-use crate::config::PublishAt;
+use crate::config::{PublishAt, Wakeup};
 use crate::model::{Command, Limits, RobotId};
 use crate::schedule::Schedule;
 use crate::source::{Instant, StateSource};
@@ -40,6 +41,7 @@ pub(super) struct ControlLoop<C: Clock> {
     pub(super) source: Box<dyn StateSource>,
     pub(super) board: Arc<Board>,
     pub(super) publish_at: PublishAt,
+    pub(super) wakeup: Wakeup,
     pub(super) records: Arc<Pool<PeriodRecord>>,
     pub(super) memory: LoopMemory,
 }
@@ -75,7 +77,7 @@ impl<C: Clock> ControlLoop<C> {
         self.publish_start();
         let mut planned = 0;
         loop {
-            self.clock.sleep_until(self.schedule.release_ns(planned));
+            self.wait_for_release(self.schedule.release_ns(planned));
             let woken_ns = self.clock.now_ns();
             let tick = self.schedule.resume(planned, woken_ns);
             let reason = self.board.stop_requested();
@@ -87,6 +89,15 @@ impl<C: Clock> ControlLoop<C> {
             self.period(tick, tick - planned, woken_ns);
             planned = tick + 1;
         }
+    }
+
+    /// Sleeps until `release_ns`; the last microseconds it spins, if it may.
+    fn wait_for_release(&self, release_ns: u64) {
+        if self.wakeup != Wakeup::Spin {
+            return self.clock.sleep_until(release_ns);
+        }
+        self.clock.sleep_until(release_ns.saturating_sub(SPIN_LEAD_NS));
+        self.clock.spin_until(release_ns);
     }
 
     fn period(&mut self, tick: u64, skipped_periods: u64, woken_ns: u64) {
@@ -129,7 +140,8 @@ impl<C: Clock> ControlLoop<C> {
                 if self.board.complete(tick) || self.clock.now_ns() >= deadline_ns {
                     break;
                 }
-                self.board.completions.wait(&self.clock, count, deadline_ns);
+                let waiting = Waiting::new(self.wakeup, 0, 0);
+                self.board.completions.wait(&self.clock, waiting, count, deadline_ns);
             },
         }
     }

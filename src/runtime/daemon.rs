@@ -116,7 +116,7 @@ impl Daemon {
         *readers = (*readers).max(placement.worker_cpus.len() + READERS_BESIDE_WORKERS);
         let config = Arc::new(config);
         let ids = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
-        let board = Arc::new(Board::new(ids, placement.worker_cpus.len()));
+        let board = Arc::new(Board::new(ids, placement.worker_cpus.len(), config.realtime.wakeup));
         let transport = Transport::new(&config.fleet, &config.channel)?;
         transport.check_room(robots)?;
         let common = Common {
@@ -163,10 +163,10 @@ impl Daemon {
         let (ready, readiness) = sync_channel(1);
         let thread = {
             let (common, periods) = (common.clone(), Arc::clone(&periods));
-            let cpu = placement.loop_cpu;
+            let seat = placement.seat(placement.loop_cpu);
             spawn("clearway-loop", move || {
                 let end = EndOnDrop(&common.board);
-                let reason = loop_thread(&common, until, cpu, periods, &ready, &going);
+                let reason = loop_thread(&common, until, seat, periods, &ready, &going);
                 drop(end);
                 reason
             })?
@@ -183,9 +183,9 @@ impl Daemon {
             solves.push(Arc::clone(&records));
             let (common, make) = (common.clone(), Arc::clone(&make));
             let (ready, readiness) = sync_channel(1);
-            let cpu = placement.worker_cpus[index];
+            let seat = placement.seat(placement.worker_cpus[index]);
             self.workers.push(spawn(&format!("clearway-w{index}"), move || {
-                worker_thread(&common, index, owned, cpu, records, &*make, &ready);
+                worker_thread(&common, index, owned, seat, records, &*make, &ready);
             })?);
             self.realtime.add_thread(wait(&readiness)?);
         }

@@ -39,6 +39,7 @@ mod worker;
 pub use daemon::Daemon;
 pub use decider::Decider;
 pub use error::DaemonError;
+pub use event_count::{EventCount, SPIN_LEAD_NS, Waiting};
 pub use progress::Progress;
 pub use staging::Staging;
 

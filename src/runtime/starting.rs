@@ -75,6 +75,7 @@ pub(super) fn shares(robots: usize, workers: usize) -> impl Iterator<Item = Rang
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Wakeup;
 
     #[test]
     fn shares_are_contiguous_and_nearly_equal() {
@@ -86,7 +87,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_housekeeping_asks_for_the_end() {
-        let board = std::sync::Arc::new(Board::new(vec![0], 1));
+        let board = std::sync::Arc::new(Board::new(vec![0], 1, Wakeup::Futex));
         let shared = std::sync::Arc::clone(&board);
         let house = std::thread::spawn(move || {
             let _stop = StopOnDrop(&shared);

@@ -12,7 +12,7 @@ use super::threads::Common;
 use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
 use crate::clock::Clock;
-use crate::config::{Config, PublishAt};
+use crate::config::{Config, PublishAt, Wakeup};
 use crate::controller::{Decision, RobotGroup, Timing};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
@@ -67,6 +67,10 @@ impl Clock for Lockstep {
         }
     }
 
+    fn spin_until(&self, wake_ns: u64) {
+        self.sleep_until(wake_ns);
+    }
+
     /// The loop waits for its workers. The deadline comes when it may and they are not done.
     fn wait(&self, _: &AtomicU32, _: u32, wake_ns: u64) {
         let Released::Tick(tick) = self.0.board.released(None) else { return };
@@ -107,8 +111,9 @@ impl Rig {
         let Self { config, ticks, now_ns, ready } = self;
         let robots = config.scenario.robots.len();
         let workers = config.timing.workers.unwrap_or(1);
+        let wakeup = config.realtime.wakeup;
         let ids = config.scenario.robots.iter().map(|r| r.id.0).collect();
-        let board = Arc::new(Board::new(ids, workers));
+        let board = Arc::new(Board::new(ids, workers, config.realtime.wakeup));
         let transport = Transport::new(&config.fleet, &config.channel).unwrap();
         let node = transport.attach("test").unwrap();
         let (states, commands) = (node.writer(robots).unwrap(), node.writer(robots).unwrap());
@@ -129,6 +134,9 @@ impl Rig {
                 let owned = w * robots / workers..(w + 1) * robots / workers;
                 scope.spawn(move || {
                     let mut worker = Worker {
+                        index: w,
+                        wakeup,
+                        due_ns: 0,
                         robots,
                         epoch: 7,
                         states: transport.attach("worker").unwrap().reader().unwrap(),
@@ -160,6 +168,7 @@ impl Rig {
                 source: Box::new(Plant::new(&config.scenario, T, START)),
                 board: Arc::clone(&board),
                 publish_at: config.timing.publish,
+                wakeup,
                 records: Arc::new(Pool::new(2, || PeriodRecord::with_robots(robots))),
                 memory: LoopMemory::new(common.first_states()),
             };
@@ -240,18 +249,24 @@ fn published_is_what_happens(publish: PublishAt, after_release_ns: u64) {
 
 /// However the robots are shared out, and with no daemon at all: the same bits.
 #[test]
-fn neither_the_number_of_workers_nor_the_time_of_publishing_changes_anything() {
+fn workers_wake_ups_and_the_time_of_publishing_change_nothing() {
     let world = World::new("workers");
     let mut runs = Vec::new();
-    for (workers, publish) in [
-        (1, PublishAt::Complete),
-        (3, PublishAt::Complete),
-        (8, PublishAt::Complete),
-        (1, PublishAt::Deadline),
-        (3, PublishAt::Deadline),
+    for (workers, publish, wakeup) in [
+        (1, PublishAt::Complete, Wakeup::Futex),
+        (3, PublishAt::Complete, Wakeup::Futex),
+        (8, PublishAt::Complete, Wakeup::Futex),
+        (1, PublishAt::Complete, Wakeup::Spin),
+        (3, PublishAt::Complete, Wakeup::Spin),
+        (1, PublishAt::Complete, Wakeup::Channel),
+        (3, PublishAt::Complete, Wakeup::Channel),
+        (3, PublishAt::Deadline, Wakeup::Futex),
+        (3, PublishAt::Deadline, Wakeup::Spin),
+        (3, PublishAt::Deadline, Wakeup::Channel),
     ] {
         let mut rig = Rig::new(&world, swap8(), workers, 40);
         rig.config.timing.publish = publish;
+        rig.config.realtime.wakeup = wakeup;
         let make = group(&rig.config);
         runs.push(rig.run(make).0.states);
     }

@@ -12,7 +12,7 @@ use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
 use crate::config::{Config, SourceKind};
 use crate::plant::Plant;
-use crate::realtime::{Role, ThreadGrant, enter};
+use crate::realtime::{Role, Seat, ThreadGrant, enter};
 use crate::schedule::Schedule;
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
@@ -66,7 +66,7 @@ impl Common {
 pub(super) fn loop_thread(
     common: &Common,
     until: Until,
-    cpu: Option<usize>,
+    seat: Seat,
     records: Arc<Pool<PeriodRecord>>,
     ready: &Ready,
     go: &Receiver<()>,
@@ -90,7 +90,9 @@ pub(super) fn loop_thread(
             return None;
         }
     };
-    let _ = ready.send(Ok(enter(Role::Loop, &config.realtime, cpu)));
+    let grant = enter(Role::Loop, &config.realtime, seat);
+    let wakeup = grant.wakeup;
+    let _ = ready.send(Ok(grant));
     // Nobody sends when the start is called off.
     go.recv().ok()?;
 
@@ -116,6 +118,7 @@ pub(super) fn loop_thread(
         source,
         board: Arc::clone(&common.board),
         publish_at: config.timing.publish,
+        wakeup,
         records,
         memory: LoopMemory::new(common.first_states()),
     };
@@ -127,7 +130,7 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
     common: &Common,
     index: usize,
     owned: std::ops::Range<usize>,
-    cpu: Option<usize>,
+    seat: Seat,
     records: Arc<Pool<SolveRecord>>,
     make: &(impl Fn(std::ops::Range<usize>) -> Result<D, E> + ?Sized),
     ready: &Ready,
@@ -148,8 +151,13 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
             return;
         }
     };
-    let _ = ready.send(Ok(enter(Role::Worker(index), &common.config.realtime, cpu)));
+    let grant = enter(Role::Worker(index), &common.config.realtime, seat);
+    let wakeup = grant.wakeup;
+    let _ = ready.send(Ok(grant));
     let mut worker = Worker {
+        index,
+        wakeup,
+        due_ns: 0,
         owned: owned.clone(),
         robots: common.robots(),
         epoch: common.epoch,

@@ -5,8 +5,10 @@ use std::sync::atomic::Ordering;
 
 use super::board::{Board, Released};
 use super::decider::Decider;
+use super::event_count::Waiting;
 use crate::channel::StateReader;
 use crate::clock::{Clock, MonotonicClock};
+use crate::config::Wakeup;
 use crate::telemetry::{Pool, SolveRecord};
 use crate::wire::{RobotState, RobotTelemetry};
 
@@ -40,6 +42,10 @@ impl Lapses {
 
 /// One worker: the robots of `owned`, which nobody else touches.
 pub(super) struct Worker {
+    pub(super) index: usize,
+    pub(super) wakeup: Wakeup,
+    /// When the next period is to be released, ns.
+    pub(super) due_ns: u64,
     pub(super) owned: Range<usize>,
     pub(super) robots: usize,
     pub(super) epoch: u64,
@@ -61,7 +67,10 @@ impl Worker {
             let count = self.board.releases.count();
             match self.board.released(known) {
                 Released::Over => return,
-                Released::Nothing => self.board.releases.wait(&MonotonicClock, count, u64::MAX),
+                Released::Nothing => {
+                    let waiting = Waiting::new(self.wakeup, self.index, self.due_ns);
+                    self.board.releases.wait(&MonotonicClock, waiting, count, u64::MAX);
+                }
                 Released::Tick(tick) => {
                     known = Some(tick);
                     // The decider is thrown away after a panic, so nobody sees it half changed.
@@ -92,6 +101,7 @@ impl Worker {
         if header.epoch != self.epoch || header.tick != tick || sample.robots().len() != self.robots {
             return;
         }
+        self.due_ns = header.release_ns.saturating_add(header.period_ns);
         let since_state = || MonotonicClock.now_ns().saturating_sub(header.stamp_ns);
         let state_to_worker_ns = since_state();
         let recorded = self.records.write(|record| {
