@@ -25,6 +25,7 @@ Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
   clearway bench solve                    how fast are the solvers here?
+  clearway bench wakeup                   how fast do threads wake each other here?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 
 Exit codes: 0 done, 1 a run did not pass, 2 the command line or a file is wrong.";

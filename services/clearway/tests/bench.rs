@@ -13,6 +13,27 @@ fn json(bytes: &[u8]) -> Value {
     serde_json::from_slice(bytes).unwrap()
 }
 
+#[test]
+fn the_wake_ups_are_measured() {
+    let output = clearway(&["bench", "wakeup", "--periods", "50", "--json", "-"]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let cases = json(&output.stdout)["cases"].as_array().unwrap().clone();
+    let alone = |case: &&Value| case["cpus"][0] != case["cpus"][1];
+    let names = |cases: Vec<&Value>| {
+        cases.iter().map(|case| case["wakeup"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    // Nobody spins where it would keep the other from running.
+    assert!(names(cases.iter().filter(|case| !alone(case)).collect()).iter().all(|name| name != "spin"));
+    if cases.iter().any(|case| alone(&case)) {
+        assert_eq!(names(cases.iter().filter(alone).collect()), ["futex", "spin", "channel"]);
+    }
+    for case in &cases {
+        for times in ["to_worker_ns", "to_loop_ns"] {
+            assert!(case[times]["p50"].as_f64().is_some_and(|ns| ns > 0.0), "{times} {case}");
+        }
+    }
+}
+
 /// Few problems, of a scenario that is over soon.
 const SMALL: [&str; 6] = ["bench", "solve", "--samples", "60", "--scenarios", "random-20-1@0.1"];
 

@@ -6,11 +6,10 @@ mod problems;
 mod report;
 
 use super::machine::Machine;
-use indicatif::{ProgressBar, ProgressStyle};
 use measure::Bench;
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{IntoDiagnostic, Result, miette};
 use report::Report;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Most rows of each kind that a programme may have here.
 const ROWS_MAX: usize = 128;
@@ -83,11 +82,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     } else {
         args.scenarios.clone()
     };
-    let bar = ProgressBar::new(0).with_style(
-        ProgressStyle::with_template("{bar:30} {pos}/{len}  {elapsed}  {msg}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar()),
-    );
-    bar.set_length((scenarios.len() + args.neighbours.len()) as u64);
+    let bar = super::bar(scenarios.len() + args.neighbours.len());
     let groups = problems::collect(&scenarios, &args.neighbours, args.samples.get(), |name| {
         bar.set_message(format!("driving {name}"));
         bar.inc(1);
@@ -108,26 +103,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 
     if let Some(path) = &args.export {
         let document = export::document(&groups, ROWS_MAX);
-        write(path, &serde_json::to_string(&document).into_diagnostic()?)?;
+        super::write(path, &serde_json::to_string(&document).into_diagnostic()?)?;
     }
     let report = Report::new(machine, scenarios, cases);
-    let to_stdout = args.json.as_deref() == Some(Path::new("-"));
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&report).into_diagnostic()? + "\n";
-        if to_stdout {
-            crate::show(&text);
-        } else {
-            write(path, &text)?;
-        }
-    }
-    if !to_stdout {
-        crate::show(&report.table());
-    }
-    Ok(())
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("{} cannot be written", path.display()))
+    super::hand_out(args.json.as_deref(), &report, || report.table())
 }
