@@ -1,9 +1,9 @@
 //! The controller around the exact plant.
 
-use clearway::config::{Config, Profile, SolverKind};
+use clearway::config::{BarrierForm, Config, Profile, SolverKind};
 use clearway::controller::{Decision, RobotGroup, Timing};
 use clearway::evaluation::{self, Evaluation};
-use clearway::geometry::{Arc, Pose, Vec2, min_distance_arcs};
+use clearway::geometry::{Arc, Integration, Pose, Vec2, min_distance_arcs};
 use clearway::model::{Command, RobotId, RobotSpec};
 use clearway::scenario::Scenario;
 use clearway::wire::{RobotState, StopReason};
@@ -225,4 +225,22 @@ fn moving_foreign_robot_is_never_driven_into() {
             assert!(driven > 3 && closest >= -1e-9, "{timing:?} {bound} {towards}: {closest} in {driven}");
         }
     }
+}
+
+/// Euler's straight step is not the arc that the exact row bounds; the linear row bounds every turn rate,
+/// among them 0, so that it covers the paper's plant too as long as no state is predicted.
+#[test]
+fn on_the_papers_plant_the_linear_row_is_safe_and_the_exact_one_is_not() {
+    let gap_m = |scenario: &str, barrier: BarrierForm| {
+        let mut config = Config::new(Scenario::builtin(scenario).unwrap());
+        config.source.plant = Integration::Euler;
+        config.controller.barrier = barrier;
+        let e = evaluation::run(&config, Timing::Ideal, |_, _| {}).unwrap();
+        assert_eq!(e.plant, "euler");
+        e.figures.min_clearance_m.unwrap()
+    };
+    for scenario in ["swap8", "swap8-zero", "circle-20", "random-20-5", "random-20-6"] {
+        assert!(gap_m(scenario, BarrierForm::Linear) >= -1e-9, "{scenario}");
+    }
+    assert!(gap_m("random-20-6", BarrierForm::Exact) < -1e-9);
 }

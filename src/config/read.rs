@@ -207,6 +207,7 @@ pub(super) struct Source {
 fn source(mut s: Section<'_>) -> Source {
     let mut v = SourceConfig::default();
     s.set_choice("kind", &mut v.kind);
+    s.set_choice("plant", &mut v.plant);
     let max_age = s.set_micros_or("max_age_us", &mut v.max_age_ns, 1..=60 * SECOND_US, "two periods");
     let arena = s.set_number("arena_m", &mut v.arena_m, 1.0..=1e5);
     s.set_number("jump_margin_m", &mut v.jump_margin_m, 0.0..=1e3);

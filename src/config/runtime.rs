@@ -1,4 +1,5 @@
 use crate::document::names;
+use crate::geometry::Integration;
 
 /// When the commands of a period are published. They act from the start of the next one either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -124,11 +125,15 @@ pub enum SourceKind {
 
 names!(SourceKind { Plant => "plant", Observation => "observation" });
 
+names!(Integration { Exact => "exact", Euler => "euler" });
+
 /// The state source and what it accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SourceConfig {
     /// Which source.
     pub kind: SourceKind,
+    /// How the plant moves the robots, in the daemon and in evaluations.
+    pub plant: Integration,
     /// An observation older than this is stale and its robot is told to stop, ns. `None`: two
     /// periods.
     pub max_age_ns: Option<u64>,
@@ -140,7 +145,13 @@ pub struct SourceConfig {
 
 impl Default for SourceConfig {
     fn default() -> Self {
-        Self { kind: SourceKind::default(), max_age_ns: None, arena_m: 1.0e4, jump_margin_m: 0.25 }
+        Self {
+            kind: SourceKind::default(),
+            plant: Integration::default(),
+            max_age_ns: None,
+            arena_m: 1.0e4,
+            jump_margin_m: 0.25,
+        }
     }
 }
 

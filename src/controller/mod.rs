@@ -18,6 +18,7 @@ mod rows;
 use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;
 use crate::config::{Config, ControllerConfig, SolverKind};
+use crate::document::names;
 use crate::guidance;
 use crate::model::{Limits, Obstacle};
 use crate::neighbours::Neighbourhood;
@@ -37,6 +38,8 @@ pub enum Timing {
     /// The command acts at once at `t_k`, as in the paper. For reproducing figures.
     Ideal,
 }
+
+names!(Timing { LogicalExecutionTime => "let", Ideal => "ideal" });
 
 /// What goes out for one robot.
 #[derive(Debug, Clone, Copy, PartialEq)]

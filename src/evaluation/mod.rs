@@ -1,6 +1,6 @@
 //! Closed loop under a virtual clock, as fast as the machine allows.
 //!
-//! The same controller as the daemon's, around the exact plant. Reads a [`Config`], writes one
+//! The same controller as the daemon's, around the plant that `source.plant` names. Reads a [`Config`], writes one
 //! [`Evaluation`]. Deterministic: everything but the measured times depends on the configuration
 //! alone.
 
@@ -21,6 +21,10 @@ pub struct Evaluation {
     pub profile: &'static str,
     /// Name of the solver.
     pub solver: &'static str,
+    /// When commands acted.
+    pub timing: &'static str,
+    /// How the plant moved the robots.
+    pub plant: &'static str,
     /// What the robots did.
     #[serde(flatten)]
     pub figures: ControlFigures,
@@ -90,7 +94,8 @@ pub fn run_watched(
     let period_s = config.timing.period_s();
     let mut fleet = initial_fleet(config);
     let mut group = RobotGroup::new(config, 0..fleet.len())?;
-    let mut figures = Accumulator::new(&config.scenario, period_s);
+    let plant = config.source.plant;
+    let mut figures = Accumulator::new(&config.scenario, period_s).on_plant(plant);
     let mut solve_ns = LatencyHistogram::new()?;
     let mut fleet_step_ns = LatencyHistogram::new()?;
     let (mut step_ns, mut steps, mut fallback_commands) = (0u64, 0u64, 0u64);
@@ -124,7 +129,7 @@ pub fn run_watched(
         }
         // The period passes under the commands in force; then the new ones take over.
         for (robot, new) in fleet.iter_mut().zip(&next) {
-            robot.set_pose(robot.arc().pose(period_s));
+            robot.set_pose(plant.pose(&robot.arc(), period_s));
             robot.set_command(new.command());
             robot.intent = new.intent;
         }
@@ -133,6 +138,8 @@ pub fn run_watched(
         scenario: config.scenario.name.clone(),
         profile: config.controller.profile.name(),
         solver: config.controller.solver.name(),
+        timing: timing.name(),
+        plant: plant.name(),
         figures: figures.finish(),
         fallback_commands,
         solve_ns: solve_ns.summary(),

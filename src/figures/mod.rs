@@ -2,7 +2,8 @@
 //!
 //! Used by the evaluation, by the daemon's report and by tests. Reads one fleet state a period, whose
 //! commands in force make it the motion over that period, and writes [`ControlFigures`]. Clearance is
-//! the minimum over **continuous** time and all pairs, from the exact arcs. Nothing allocates after
+//! the minimum over **continuous** time and all pairs, from the exact arcs, or from the straight lines of
+//! a plant that moves by Euler steps. Nothing allocates after
 //! [`Accumulator::new`]; a period costs one distance for every pair and one exact minimum for every
 //! pair that could lower the minimum.
 
@@ -10,7 +11,7 @@ mod latency;
 
 pub use latency::{LatencyHistogram, LatencyNs};
 
-use crate::geometry::{Pose, Vec2, bearing, min_distance_arcs, wrap};
+use crate::geometry::{Integration, Pose, Vec2, bearing, min_distance_arcs, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{RobotState, RobotTelemetry, SolveStatus, state_flags};
@@ -106,6 +107,7 @@ impl Track {
 #[derive(Debug, Clone)]
 pub struct Accumulator {
     period_s: f64,
+    plant: Integration,
     tolerance_m: f64,
     limits: Limits,
     obstacles: Vec<Obstacle>,
@@ -138,6 +140,7 @@ impl Accumulator {
         };
         Self {
             period_s,
+            plant: Integration::Exact,
             tolerance_m: scenario.tolerance_m,
             limits: scenario.limits,
             obstacles: scenario.obstacles.clone(),
@@ -149,6 +152,12 @@ impl Accumulator {
             solved: 0,
             slack_active: 0,
         }
+    }
+
+    /// Measures clearance along the ways of robots that are moved by `plant`.
+    #[must_use]
+    pub fn on_plant(self, plant: Integration) -> Self {
+        Self { plant, ..self }
     }
 
     /// Adds the period that starts at `tick` with `fleet` and its commands in force.
@@ -185,7 +194,7 @@ impl Accumulator {
 
     fn pairs_of(&mut self, i: usize, fleet: &[RobotState]) {
         let a = &fleet[i];
-        let arc = a.arc();
+        let arc = self.plant.path(&a.arc());
         for (j, b) in fleet.iter().enumerate().take(i) {
             if self.tracks[i].foreign && self.tracks[j].foreign {
                 continue;
@@ -197,13 +206,14 @@ impl Accumulator {
             if apart - reach > self.min_clearance_m.max(0.0) {
                 continue;
             }
-            let clearance = min_distance_arcs(&arc, &b.arc(), self.period_s).upper_m - required;
+            let clearance =
+                min_distance_arcs(&arc, &self.plant.path(&b.arc()), self.period_s).upper_m - required;
             self.note(i * fleet.len() + j, clearance);
         }
     }
 
     fn obstacles_of(&mut self, i: usize, fleet: &[RobotState]) {
-        let arc = fleet[i].arc();
+        let arc = self.plant.path(&fleet[i].arc());
         let robots = fleet.len();
         for k in 0..self.obstacles.len() {
             let obstacle = self.obstacles[k];

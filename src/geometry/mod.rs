@@ -10,7 +10,7 @@ mod distance;
 mod shape;
 
 pub use angle::{bearing, rotate, unit, wrap};
-pub use arc::{Arc, Pose, chord_factor, sinc};
+pub use arc::{Arc, Integration, Pose, chord_factor, sinc};
 pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_distance_arcs};
 pub use shape::{closest_point_on_segment, segment_distance};
 

@@ -234,7 +234,7 @@ impl Daemon {
                 periods,
                 solves,
                 board: Arc::clone(&common.board),
-                accumulator: Accumulator::new(&config.scenario, period_s),
+                accumulator: Accumulator::new(&config.scenario, period_s).on_plant(config.source.plant),
                 driven: Driven::default(),
                 answers,
                 statistics,

@@ -101,7 +101,7 @@ pub(super) fn loop_thread(
     let start_ns = clock.now_ns() + (LEAD_PERIODS * period_ns).max(LEAD_NS_MIN);
     let scenario = &config.scenario;
     let source: Box<dyn StateSource> = match observations {
-        None => Box::new(Plant::new(scenario, period_ns, start_ns)),
+        None => Box::new(Plant::new(scenario, period_ns, start_ns).moved_by(config.source.plant)),
         Some(reader) => Box::new(Observed::new(reader, scenario, &config.source, period_ns)),
     };
     // The workers' memory is mapped now and not in period 0.

@@ -1,5 +1,6 @@
 //! `clearway`: the operator's command. Each subcommand has a file of its own.
 
+mod batch;
 mod bench;
 mod check;
 mod eval;

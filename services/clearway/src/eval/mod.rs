@@ -1,25 +1,31 @@
 //! `clearway eval`: closed loops under a virtual clock.
 
+mod select;
+mod sweep;
 mod table;
 mod trajectory;
 
 use clearway::config::{Config, Profile, SolverKind};
 use clearway::controller::Timing;
 use clearway::evaluation::{self, Evaluation};
+use clearway::geometry::Integration;
 use clearway::scenario::Scenario;
-use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use serde::Serialize;
+use serde_json::{Map, Value};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use sweep::{Point, Sweep};
+use table::Form;
 use trajectory::{Ordered, Trajectory};
 
 /// Run scenarios as fast as the machine allows, and measure what the robots do.
 ///
-/// The same controller as the daemon's drives the exact plant under a virtual clock. Prints a table;
-/// everything but the times is the same on every run.
+/// The same controller as the daemon's drives the plant under a virtual clock. Prints a table of 80
+/// columns; everything but the times is the same on every run. Columns: runs, robots arrived, pairs that
+/// came too close, smallest gap beyond the required distance over continuous time, last arrival (mean
+/// and worst over the runs), arrival time and length driven over the straight line's, ∫|dω| in rad/s.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,6 +34,9 @@ Examples:
   clearway eval my-scenarios/ --profile exp      every .toml file of a folder
   clearway eval swap8 --trajectories swap8.jsonl poses and inputs of every period
   clearway eval swap8 --set controller.gamma=0.5 --timing ideal
+  clearway eval swap8 --profile paper --plant euler --timing ideal
+  clearway eval swap8 circle-20 --sweep controller.gamma=0.2..1.0:9
+  clearway eval suite --sweep controller.profile=certified,exp,paper
 
 Exit codes: 0 everybody arrived and nobody came too close, 1 not so, 2 the command line or a file is wrong.")]
 pub(crate) struct Args {
@@ -41,11 +50,17 @@ pub(crate) struct Args {
     #[arg(long)]
     solver: Option<SolverKind>,
     /// When a command acts: `let` one period after its state, as in the daemon; `ideal` at once.
-    #[arg(long, default_value = "let", value_parser = ["let", "ideal"])]
-    timing: String,
+    #[arg(long, default_value = "let")]
+    timing: Timing,
+    /// How the plant moves: `exact` along arcs; `euler` by forward Euler steps, as the paper's.
+    #[arg(long, value_name = "exact|euler")]
+    plant: Option<Integration>,
     /// A configuration key to change, as in a configuration file.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     set: Vec<String>,
+    /// A key that takes several values in turn, KEY=A..B:N or KEY=a,b,c; several make a grid.
+    #[arg(long = "sweep", value_name = "SECTION.KEY=VALUES")]
+    sweep: Vec<Sweep>,
     /// Scenarios that run at the same time; as many as there are cores by default.
     #[arg(long)]
     jobs: Option<std::num::NonZeroUsize>,
@@ -58,16 +73,43 @@ pub(crate) struct Args {
     /// A row for every scenario, also where there are many.
     #[arg(long)]
     all: bool,
+    /// Every column, wider than a terminal.
+    #[arg(long, conflicts_with = "markdown")]
+    wide: bool,
+    /// Every column that does not depend on the machine, as a Markdown table.
+    #[arg(long)]
+    markdown: bool,
+}
+
+/// One closed loop, done.
+#[derive(Debug, Serialize)]
+struct Run {
+    #[serde(flatten)]
+    evaluation: Evaluation,
+    /// What was swept.
+    #[serde(rename = "sweep", skip_serializing_if = "Vec::is_empty", serialize_with = "as_object")]
+    point: Point,
+}
+
+/// Numbers as numbers, everything else as text.
+fn as_object<S: serde::Serializer>(point: &Point, serializer: S) -> Result<S::Ok, S::Error> {
+    let value =
+        |text: &String| text.parse().map_or_else(|_| Value::from(text.as_str()), |x: f64| Value::from(x));
+    point.iter().map(|(key, text)| (key.clone(), value(text))).collect::<Map<_, _>>().serialize(serializer)
 }
 
 pub(crate) fn run(args: &Args) -> Result<bool> {
     if let Some(set) = args.set.iter().find(|set| set.trim_start().starts_with("scenario")) {
         return Err(miette!(help = "name the scenarios as arguments", "--set {set} has no effect here"));
     }
-    let configs: Vec<Config> =
-        expand(&args.scenario)?.iter().map(|name| configure(args, name)).collect::<Result<_>>()?;
-    let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, usize::from);
-    let results = run_all(args, &configs, jobs)?;
+    let names = select::expand(&args.scenario)?;
+    let mut runs: Vec<(Config, Point)> = Vec::new();
+    for point in sweep::grid(&args.sweep)? {
+        for name in &names {
+            runs.push((configure(args, name, &point)?, point.clone()));
+        }
+    }
+    let results = run_all(args, runs)?;
 
     let to_stdout = args.jsonl.as_deref() == Some(Path::new("-"));
     if let Some(path) = &args.jsonl {
@@ -83,48 +125,31 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
         }
     }
     if !to_stdout {
-        crate::show(&table::render(&results, args.all));
+        let form = match (args.markdown, args.wide) {
+            (true, _) => Form::Markdown,
+            (_, true) => Form::Wide,
+            _ => Form::Terminal,
+        };
+        crate::show(&table::render(&results, args.all, form));
     }
-    Ok(results.iter().all(Evaluation::passed))
+    Ok(results.iter().all(|run| run.evaluation.passed()))
 }
 
-/// Names as they are, folders as their scenario files in order of name, `suite` as its members.
-fn expand(names: &[String]) -> Result<Vec<String>> {
-    let mut all = Vec::new();
-    for name in names {
-        let path = Path::new(name);
-        if name == "suite" {
-            all.extend(Scenario::suite());
-        } else if path.is_dir() {
-            let entries = std::fs::read_dir(path)
-                .into_diagnostic()
-                .wrap_err_with(|| format!("{name} cannot be listed"))?;
-            let mut files: Vec<String> = entries
-                .filter_map(|entry| entry.ok().map(|e| e.path()))
-                .filter(|p| p.extension().is_some_and(|e| e == "toml"))
-                .map(|p| p.to_string_lossy().into_owned())
-                .collect();
-            if files.is_empty() {
-                return Err(miette!(
-                    help = "name a folder that holds scenario files",
-                    "{name} has no .toml file"
-                ));
-            }
-            files.sort();
-            all.extend(files);
-        } else {
-            all.push(name.clone());
+fn configure(args: &Args, name: &str, point: &Point) -> Result<Config> {
+    let scenario = Scenario::resolve(name)?;
+    let swept = point.iter().map(|(key, value)| format!("{key}={value}"));
+    let set: Vec<String> = args.set.iter().cloned().chain(swept).collect();
+    let mut config = Config { scenario, ..Config::with_overrides(None, &set)? };
+    let swept = |key: &str| point.iter().any(|(swept, _)| swept == key);
+    for (key, given) in [
+        ("controller.profile", args.profile.map(|profile| config.controller.profile = profile)),
+        ("controller.solver", args.solver.map(|solver| config.controller.solver = solver)),
+        ("source.plant", args.plant.map(|plant| config.source.plant = plant)),
+    ] {
+        if given.is_some() && swept(key) {
+            return Err(miette!(help = "leave one of them out", "{key} is swept and given as well"));
         }
     }
-    Ok(all)
-}
-
-fn configure(args: &Args, name: &str) -> Result<Config> {
-    let scenario = Scenario::resolve(name)?;
-    let overridden = Config::with_overrides(None, &args.set)?;
-    let mut config = Config { scenario, ..overridden };
-    config.controller.profile = args.profile.unwrap_or(config.controller.profile);
-    config.controller.solver = args.solver.unwrap_or(config.controller.solver);
     Ok(config)
 }
 
@@ -134,9 +159,8 @@ fn written<T>(path: &Path, result: std::io::Result<T>) -> Result<T> {
 
 /// One run, and what the robots did as a line when that is asked for.
 fn run_one(args: &Args, config: &Config) -> Result<(Evaluation, Option<String>)> {
-    let timing = if args.timing == "ideal" { Timing::Ideal } else { Timing::LogicalExecutionTime };
-    let mut trajectory = args.trajectories.as_ref().map(|_| Trajectory::new(config, &args.timing));
-    let result = evaluation::run(config, timing, |_, fleet| {
+    let mut trajectory = args.trajectories.as_ref().map(|_| Trajectory::new(config, args.timing.name()));
+    let result = evaluation::run(config, args.timing, |_, fleet| {
         if let Some(trajectory) = &mut trajectory {
             trajectory.push(fleet);
         }
@@ -147,49 +171,26 @@ fn run_one(args: &Args, config: &Config) -> Result<(Evaluation, Option<String>)>
     Ok((result, line))
 }
 
-/// Runs every configuration on `jobs` threads; results in the order of the configurations.
-fn run_all(args: &Args, configs: &[Config], jobs: usize) -> Result<Vec<Evaluation>> {
+/// Runs every configuration; results in their order.
+fn run_all(args: &Args, runs: Vec<(Config, Point)>) -> Result<Vec<Run>> {
     let mut trajectories = match &args.trajectories {
         Some(path) => Some((path, Ordered::new(BufWriter::new(written(path, File::create(path))?)))),
         None => None,
     };
-    let bar = ProgressBar::new(configs.len() as u64).with_style(
-        ProgressStyle::with_template("{bar:30} {pos}/{len} scenarios  {elapsed}  {msg}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar()),
-    );
-    let next = AtomicUsize::new(0);
-    let (sender, results) = mpsc::channel();
-    std::thread::scope(|scope| {
-        for _ in 0..jobs.min(configs.len()) {
-            let (sender, next) = (sender.clone(), &next);
-            scope.spawn(move || {
-                while let Some((k, config)) = take(next, configs) {
-                    // The receiver lives as long as the scope.
-                    let _ = sender.send((k, run_one(args, config)));
-                }
-            });
+    let mut results: Vec<Option<Evaluation>> = vec![None; runs.len()];
+    let one = |(config, _): &(Config, Point)| run_one(args, config);
+    crate::batch::run(&runs, args.jobs, one, |k, (result, line)| {
+        if let (Some((path, out)), Some(line)) = (&mut trajectories, line) {
+            written(path, out.put(k, line))?;
         }
-        drop(sender);
-        let mut ordered: Vec<Option<Evaluation>> = vec![None; configs.len()];
-        for (k, result) in results {
-            let (result, line) = result?;
-            if let (Some((path, out)), Some(line)) = (&mut trajectories, line) {
-                written(path, out.put(k, line))?;
-            }
-            ordered[k] = Some(result);
-            bar.set_message(configs[k].scenario.name.clone());
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
-        if let Some((path, out)) = trajectories {
-            written(path, out.finish())?;
-        }
-        Ok(ordered.into_iter().flatten().collect())
-    })
-}
-
-/// The next configuration that nobody has taken.
-fn take<'a>(next: &AtomicUsize, configs: &'a [Config]) -> Option<(usize, &'a Config)> {
-    let k = next.fetch_add(1, Ordering::Relaxed);
-    configs.get(k).map(|config| (k, config))
+        results[k] = Some(result);
+        Ok(())
+    })?;
+    if let Some((path, out)) = trajectories {
+        written(path, out.finish())?;
+    }
+    let run = |(result, (_, point)): (Option<Evaluation>, (Config, Point))| {
+        result.map(|evaluation| Run { evaluation, point })
+    };
+    Ok(results.into_iter().zip(runs).filter_map(run).collect())
 }

@@ -15,7 +15,8 @@ pub(super) struct Trajectory {
     scenario: String,
     profile: &'static str,
     solver: &'static str,
-    timing: String,
+    timing: &'static str,
+    plant: &'static str,
     period_s: f64,
     /// Robots in the order of the states.
     ids: Vec<u32>,
@@ -25,12 +26,13 @@ pub(super) struct Trajectory {
 }
 
 impl Trajectory {
-    pub(super) fn new(config: &Config, timing: &str) -> Self {
+    pub(super) fn new(config: &Config, timing: &'static str) -> Self {
         Self {
             scenario: config.scenario.name.clone(),
             profile: config.controller.profile.name(),
             solver: config.controller.solver.name(),
-            timing: timing.to_owned(),
+            timing,
+            plant: config.source.plant.name(),
             period_s: config.timing.period_s(),
             ids: config.scenario.robots.iter().map(|robot| robot.id.0).collect(),
             columns: COLUMNS,
