@@ -90,18 +90,44 @@ impl Transport {
     /// # Errors
     /// [`ChannelError::Full`]. A file system that cannot be asked is taken to be large enough.
     pub fn check_room(&self, robots: usize) -> Result<(), ChannelError> {
-        let needed = self.bytes::<RobotState>(robots)
-            + self.bytes::<RobotCommand>(robots)
-            + self.bytes::<RobotTelemetry>(robots)
-            + self.bytes::<RobotCheckpoint>(robots)
-            + MANAGEMENT_BYTES;
-        let needed_bytes = u64::try_from(needed).unwrap_or(u64::MAX);
+        let needed_bytes = self.needed_bytes(robots);
         let Ok(shared) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
         let free_bytes = shared.f_bavail.saturating_mul(shared.f_frsize);
         if free_bytes < needed_bytes {
             return Err(ChannelError::Full { robots, needed_bytes, free_bytes });
         }
         Ok(())
+    }
+
+    /// Shared memory that the channels of a fleet of `robots` can fill, bytes.
+    pub fn needed_bytes(&self, robots: usize) -> u64 {
+        let needed = self.bytes::<RobotState>(robots)
+            + self.bytes::<RobotCommand>(robots)
+            + self.bytes::<RobotTelemetry>(robots)
+            + self.bytes::<RobotCheckpoint>(robots)
+            + MANAGEMENT_BYTES;
+        u64::try_from(needed).unwrap_or(u64::MAX)
+    }
+
+    /// Who is attached below the same prefix and root, found without joining and without cleaning up.
+    ///
+    /// # Errors
+    /// [`ChannelError::Attach`] when the management directory cannot be read.
+    pub fn census(&self) -> Result<Census, ChannelError> {
+        let mut census = Census::default();
+        Node::<ipc::Service>::list(&self.iceoryx, |node| {
+            match node {
+                NodeState::Alive(_) => census.alive += 1,
+                NodeState::Dead(_) => census.dead += 1,
+                NodeState::Inaccessible(_) | NodeState::Undefined(_) => census.unclear += 1,
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(|e| ChannelError::Attach {
+            root: self.settings.root.to_string_lossy().into_owned(),
+            reason: format!("{e:?}"),
+        })?;
+        Ok(census)
     }
 
     /// What the writer of a channel sets aside for its samples.
@@ -133,6 +159,17 @@ impl Transport {
             .map_err(|e| failed(format!("{e:?}")))?;
         Ok(Attachment { transport: self.clone(), node })
     }
+}
+
+/// Who is attached in shared memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Census {
+    /// Nodes of processes that live.
+    pub alive: u64,
+    /// Nodes of processes that died and left their files.
+    pub dead: u64,
+    /// Nodes that cannot be examined: of another user, or damaged.
+    pub unclear: u64,
 }
 
 /// What a clean-up after dead processes did.
