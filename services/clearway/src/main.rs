@@ -3,7 +3,9 @@
 mod batch;
 mod bench;
 mod check;
+mod doctor;
 mod eval;
+mod host;
 #[allow(dead_code, unused_imports, reason = "the style is whole before every part of it has a user")]
 mod plot;
 mod scenario;
@@ -24,6 +26,7 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
+  clearway doctor                         is this machine fit for real time?
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
   clearway bench solve                    how fast are the solvers here?
   clearway bench wakeup                   how fast do threads wake each other here?
@@ -35,6 +38,7 @@ Exit codes: 0 done, 1 a run did not pass, 2 the command line or a file is wrong.
 enum Command {
     Bench(bench::Args),
     Check(check::Args),
+    Doctor(doctor::Args),
     Eval(eval::Args),
     Scenario(scenario::Args),
 }
@@ -48,6 +52,7 @@ const NOT_PASSED: u8 = 1;
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::Bench(args) => bench::run(&args),
+        Command::Doctor(args) => return doctor::run(&args).unwrap_or_else(|error| wrong(&error)),
         Command::Check(args) => check::run(&args).map(|()| true).map_err(miette::Report::new),
         Command::Eval(args) => eval::run(&args),
         Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),
@@ -55,11 +60,13 @@ fn main() -> ExitCode {
     match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(NOT_PASSED),
-        Err(error) => {
-            eprintln!("{error:?}");
-            ExitCode::from(WRONG_INPUT)
-        }
+        Err(error) => wrong(&error),
     }
+}
+
+fn wrong(error: &miette::Report) -> ExitCode {
+    eprintln!("{error:?}");
+    ExitCode::from(WRONG_INPUT)
 }
 
 /// Prints to standard output. A closed pipe (`| head`) is the reader's decision, not an error.
