@@ -23,7 +23,7 @@ OPTIONS = {
 class Model:
     """One robot's programme with `comfort` rows with slack and `safety` rows without."""
 
-    def __init__(self, weights, comfort, safety):
+    def __init__(self, weights: dict, comfort: int, safety: int) -> None:
         self.comfort, self.safety = comfort, safety
         u = ca.SX.sym("u", 2)
         slack = ca.SX.sym("slack", 2 + comfort)
@@ -48,7 +48,7 @@ class Model:
         }
         self.solver = ca.nlpsol("programme", "ipopt", nlp, OPTIONS)
 
-    def arguments(self, problem):
+    def arguments(self, problem: dict) -> dict:
         """What a problem changes: parameters, bounds and the start u = 0."""
         parameters = []
         for name in ("position", "heading"):
@@ -68,15 +68,15 @@ class Model:
         }
 
 
-def excess(certificate, x):
+def excess(certificate: ca.SX, x: ca.SX) -> ca.SX:
     """linear·x + ½ curvature·x² + decrease."""
     return certificate[0] * x + 0.5 * certificate[1] * x**2 + certificate[2]
 
 
-def objective(weights, problem, v, omega):
+def objective(weights: dict, problem: dict, v: float, omega: float) -> float:
     """The objective at (v, ω) with the smallest slacks, as Clearway computes it."""
 
-    def over(c, x):
+    def over(c: dict, x: float) -> float:
         return max(0.0, c["linear"] * x + 0.5 * c["curvature"] * x * x + c["decrease"])
 
     value = 0.5 * (weights["v"] * v * v + weights["omega"] * omega * omega)
@@ -85,31 +85,31 @@ def objective(weights, problem, v, omega):
     return value + weights["comfort"] * sum(max(0.0, a * v - b) for a, b in problem["comfort"])
 
 
-def quantiles(ns):
+def quantiles(ns: list[int]) -> dict[str, int]:
     """Nearest-rank quantiles, ns."""
     ordered = sorted(ns)
 
-    def at(per_mille):
+    def at(per_mille: int) -> int:
         return ordered[max(-(-len(ordered) * per_mille // 1000) - 1, 0)]
 
     return {"p50": at(500), "p99": at(990), "p999": at(999), "max": ordered[-1]}
 
 
-def spread(items, count):
+def spread(items: list, count: int) -> list:
     """At most `count` of `items`, evenly spaced."""
     if len(items) <= count:
         return items
     return [items[k * len(items) // count] for k in range(count)]
 
 
-def measure(case, weights, samples, cold_samples):
+def measure(case: dict, weights: dict, samples: int, cold_samples: int) -> dict:
     """Times and disagreement for one number of neighbours."""
     problems = spread(case["problems"], samples)
     models, warm, cold = {}, [], []
     gaps = {"max_objective_gap_rel": 0.0, "max_input_gap": 0.0}
     not_solved = 0
 
-    def model_for(problem):
+    def model_for(problem: dict) -> Model:
         size = len(problem["comfort"]), len(problem["safety"])
         if size not in models:
             models[size] = Model(weights, *size)
@@ -150,7 +150,7 @@ def measure(case, weights, samples, cold_samples):
     }
 
 
-def table(results):
+def table(results: list[dict]) -> str:
     """The results as text."""
     lines = [
         f"{'neighbours':>10} {'samples':>8} {'p50 ms':>8} {'p99':>8} {'p99.9':>8} {'max':>8}"
@@ -165,7 +165,8 @@ def table(results):
     return "\n".join(lines)
 
 
-def main():
+def main() -> None:
+    """Measures the problems of a file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("problems", help="what `clearway bench solve --export` wrote")
     parser.add_argument("--samples", type=int, default=1000, help="problems a case, at most (%(default)s)")
