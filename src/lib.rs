@@ -49,6 +49,7 @@
 //! | records, queues, histograms | [`telemetry`] |
 //! | what a run is judged by | [`report`] |
 //! | the loop, the workers and what keeps house | [`runtime`] |
+//! | how other processes read along and give orders | [`attach`] |
 
 // Tests in modules and beside them share their helpers.
 #[cfg(test)]
@@ -56,6 +57,7 @@ extern crate self as clearway;
 
 pub mod actuation;
 pub mod admission;
+pub mod attach;
 pub mod audit;
 pub mod certificate;
 pub mod channel;

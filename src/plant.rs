@@ -8,15 +8,17 @@
 
 use crate::actuation::{Gate, Refusal};
 use crate::geometry::{Arc, Integration, Pose};
-use crate::model::Command;
+use crate::model::{Command, Limits, RobotId};
 use crate::scenario::Scenario;
-use crate::wire::{CommandHeader, RobotCommand};
+use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand};
 
 /// A fleet of ideal unicycles.
 #[derive(Debug, Clone)]
 pub struct Plant {
     now_ns: u64,
     integration: Integration,
+    limits: Limits,
+    max_hold_ns: u64,
     robots: Vec<(Pose, Gate)>,
 }
 
@@ -30,7 +32,7 @@ impl Plant {
             .iter()
             .map(|robot| (robot.start, Gate::new(robot.id, scenario.limits, max_hold_ns)))
             .collect();
-        Self { now_ns, integration: Integration::Exact, robots }
+        Self { now_ns, integration: Integration::Exact, limits: scenario.limits, max_hold_ns, robots }
     }
 
     /// Moves its robots by `integration`; exactly where this is not said. A step is what an input
@@ -38,6 +40,22 @@ impl Plant {
     #[must_use]
     pub fn moved_by(self, integration: Integration) -> Self {
         Self { integration, ..self }
+    }
+
+    /// With room for as many robots as there are places; those beyond the scenario's stand idle at the
+    /// origin until they are placed.
+    #[must_use]
+    pub fn with_places(mut self, places: usize) -> Self {
+        let idle = (Pose::default(), Gate::new(RobotId(NO_ROBOT), self.limits, self.max_hold_ns));
+        self.robots.resize(places.max(self.robots.len()), idle);
+        self
+    }
+
+    /// Puts robot `id` into the `index`-th place, at rest.
+    pub fn place(&mut self, index: usize, id: RobotId, pose: Pose) {
+        if let Some(robot) = self.robots.get_mut(index) {
+            *robot = (pose, Gate::new(id, self.limits, self.max_hold_ns));
+        }
     }
 
     /// Pose of the `index`-th robot of the scenario, at the time of the last advance.
@@ -90,7 +108,7 @@ impl Plant {
 mod tests {
     use super::*;
     use crate::geometry::Vec2;
-    use crate::model::{Limits, RobotId, RobotSpec};
+    use crate::model::RobotSpec;
 
     const T: u64 = 80_000_000;
 

@@ -11,10 +11,10 @@ use crate::admission::{Admission, Rejections};
 use crate::channel::ObservationReader;
 use crate::config::SourceConfig;
 use crate::geometry::{Arc, Pose};
-use crate::model::Command;
+use crate::model::{Command, RobotId, RobotSpec};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
-use crate::wire::{CommandHeader, RobotCommand, RobotState, state_flags};
+use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand, RobotState, state_flags};
 
 /// Observation samples looked at in one period for each robot; the rest waits, and is then stale.
 const SAMPLES_PER_ROBOT: usize = 16;
@@ -32,9 +32,18 @@ pub struct Instant {
 
 /// A source of states.
 pub trait StateSource {
-    /// Writes the poses of all robots at `t_k` and their uncertainty, in the scenario's order, and
-    /// sets or clears [`state_flags::VALID`]; leaves everything else.
+    /// Writes the poses of all robots at `t_k` and their uncertainty, one for each place, and sets or
+    /// clears [`state_flags::VALID`]; leaves everything else, and free places.
     fn observe(&mut self, instant: Instant, states: &mut [RobotState]);
+
+    /// Whether it knows where every robot is without being told.
+    fn knows_all(&self) -> bool;
+
+    /// A robot takes the `index`-th place, at rest at its start.
+    fn admit(&mut self, index: usize, robot: &RobotSpec);
+
+    /// The robot in the `index`-th place is taken away.
+    fn dismiss(&mut self, index: usize);
 
     /// Learns which commands were published at `now_ns`.
     fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64);
@@ -53,8 +62,22 @@ impl StateSource for Plant {
     fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
         self.advance(instant.release_ns);
         for (state, pose) in states.iter_mut().zip(self.poses()) {
-            set_pose(state, pose, 0.0, true);
+            if !state.has(state_flags::VACANT) {
+                set_pose(state, pose, 0.0, true);
+            }
         }
+    }
+
+    fn knows_all(&self) -> bool {
+        true
+    }
+
+    fn admit(&mut self, index: usize, robot: &RobotSpec) {
+        self.place(index, robot.id, robot.start);
+    }
+
+    fn dismiss(&mut self, index: usize) {
+        self.place(index, RobotId(NO_ROBOT), Pose::default());
     }
 
     fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64) {
@@ -127,15 +150,27 @@ impl Observed {
         config: &SourceConfig,
         period_ns: u64,
     ) -> Self {
-        let robots = scenario.robots.len();
+        Self::with_places(reader, scenario, config, period_ns, scenario.robots.len())
+    }
+
+    /// The same with room for robots that are added later.
+    pub fn with_places(
+        reader: ObservationReader,
+        scenario: &Scenario,
+        config: &SourceConfig,
+        period_ns: u64,
+        places: usize,
+    ) -> Self {
+        let robots = places.max(scenario.robots.len());
+        let foreign = |index| scenario.robots.get(index).and_then(|r: &RobotSpec| r.foreign_speed_mps);
         Self {
             stillness: vec![Stillness::default(); robots],
             frozen_robots: 0,
             reader,
-            admission: Admission::new(scenario, config, period_ns),
+            admission: Admission::new(scenario, config, period_ns).with_places(robots),
             held: Held::new(robots, history(config.max_age_or_default_ns(period_ns), period_ns)),
             carried: vec![None; robots],
-            foreign_speed_mps: scenario.robots.iter().map(|robot| robot.foreign_speed_mps).collect(),
+            foreign_speed_mps: (0..robots).map(foreign).collect(),
             samples_max: SAMPLES_PER_ROBOT * robots,
         }
     }
@@ -152,6 +187,14 @@ impl Observed {
         let pose = self.held.carry(index, pose, at_ns, release_ns);
         self.carried[index] = Some(Carried { seen, pose, at_ns: release_ns });
         pose
+    }
+
+    /// Forgets who stood at `index` and what it was told.
+    fn forget(&mut self, index: usize) {
+        if index < self.carried.len() {
+            (self.carried[index], self.stillness[index]) = (None, Stillness::default());
+            self.held.forget(index);
+        }
     }
 
     /// Counts a robot of ours that was seen anew and has just frozen.
@@ -181,6 +224,9 @@ impl StateSource for Observed {
             );
         }
         for (index, state) in states.iter_mut().enumerate() {
+            if state.has(state_flags::VACANT) {
+                continue;
+            }
             let foreign = self.foreign_speed_mps.get(index).copied().flatten();
             let Some(seen) = self.admission.last_good(index) else {
                 let start = self.admission.last_pose(index).unwrap_or(state.pose());
@@ -198,6 +244,20 @@ impl StateSource for Observed {
             }
             set_pose(state, self.carry(index, seen, instant.release_ns), 0.0, valid);
         }
+    }
+
+    fn knows_all(&self) -> bool {
+        false
+    }
+
+    fn admit(&mut self, index: usize, robot: &RobotSpec) {
+        self.admission.admit(index, robot);
+        self.forget(index);
+    }
+
+    fn dismiss(&mut self, index: usize) {
+        self.admission.dismiss(index);
+        self.forget(index);
     }
 
     fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], _now_ns: u64) {
@@ -233,6 +293,12 @@ impl Held {
         (*from_ns, *until_ns) = (header.valid_from_ns, header.valid_until_ns);
         for (held, command) in held.iter_mut().zip(commands) {
             *held = command.command();
+        }
+    }
+
+    fn forget(&mut self, index: usize) {
+        for (_, _, held) in &mut self.periods {
+            held[index] = Command::STOP;
         }
     }
 

@@ -15,10 +15,10 @@ fn a_request_is_answered_with_its_text() {
     let world = World::new("admin_ends");
     let transport = Transport::new("default", &world.channel).unwrap();
     let node = transport.attach("test").unwrap();
-    assert!(matches!(node.admin(4), Err(ChannelError::NoDaemon { .. })));
+    assert!(matches!(node.admin(), Err(ChannelError::NoDaemon { .. })));
     let server = node.admin_server(2).unwrap();
     assert!(matches!(node.admin_server(2), Err(ChannelError::Port { .. })));
-    let port = node.admin(4).unwrap();
+    let port = node.admin().unwrap();
     assert_eq!(node.attached().admin_clients, 1);
 
     // About three robots, and about none.
@@ -45,7 +45,7 @@ fn a_client_cannot_have_more_than_its_share_waiting() {
     let transport = Transport::new("default", &world.channel).unwrap();
     let node = transport.attach("test").unwrap();
     let server = node.admin_server(2).unwrap();
-    let (flood, other) = (node.admin(1).unwrap(), node.admin(1).unwrap());
+    let (flood, other) = (node.admin().unwrap(), node.admin().unwrap());
     let mut waiting = Vec::new();
     let refused = (0..100).filter(|n| flood.ask(&request(*n), &[]).map(|w| waiting.push(w)).is_err()).count();
     assert_eq!((waiting.len(), refused), (8, 92));

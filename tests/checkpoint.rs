@@ -47,6 +47,12 @@ fn a_group_that_is_restored_decides_and_remembers_the_same_bits() {
         let mut driving = RobotGroup::new(&config, 0..robots).unwrap();
         let mut again = RobotGroup::new(&config, 0..robots).unwrap();
         for tick in 0..120 {
+            if tick == 40 {
+                // An operator lets two robots swap their goals.
+                let first = (fleet[0].goal_x_m, fleet[0].goal_y_m);
+                (fleet[0].goal_x_m, fleet[0].goal_y_m) = (fleet[1].goal_x_m, fleet[1].goal_y_m);
+                (fleet[1].goal_x_m, fleet[1].goal_y_m) = first;
+            }
             let before = checkpoints(&driving);
             let mut next = fleet.clone();
             let mut commands = Vec::new();

@@ -103,6 +103,7 @@ fn codes_of_admin_are_fixed() {
         "clear",
         "add_robot",
         "remove_robot",
+        "scenario",
     ];
     assert_eq!(kinds, (1..).zip(expected).collect::<Vec<_>>());
     let codes: Vec<(u32, &str)> = AdminCode::ALL.iter().map(|code| (*code as u32, code.name())).collect();

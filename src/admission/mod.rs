@@ -31,11 +31,14 @@ const GAP_MAX: u64 = 3_000_000;
 /// The gate between observations and the fleet's state.
 #[derive(Debug)]
 pub struct Admission {
-    ids: Vec<u32>,
+    /// Ids in ascending order, each with its place. With room for every place.
+    ids: Vec<(u32, usize)>,
     tracks: Vec<Track>,
     writers: Vec<Writer>,
     arena_m: f64,
     max_age_ns: u64,
+    /// Of robots that take commands.
+    bounds: Bounds,
     rejections: Rejections,
 }
 
@@ -50,12 +53,11 @@ struct Writer {
 impl Admission {
     /// Admission for the robots of `scenario`, none of them seen yet.
     pub fn new(scenario: &Scenario, config: &SourceConfig, period_ns: u64) -> Self {
-        let ids: Vec<u32> = scenario.robots.iter().map(|robot| robot.id.0).collect();
+        let ids = scenario.robots.iter().enumerate().map(|(index, robot)| (robot.id.0, index)).collect();
         // One that takes no commands does not keep to our limits either.
-        let bounds = |robot: &RobotSpec| Bounds {
-            speed_mps: robot.foreign_speed_mps.unwrap_or(scenario.limits.speed_mps()),
-            margin_m: config.jump_margin_m,
-        };
+        let own = Bounds { speed_mps: scenario.limits.speed_mps(), margin_m: config.jump_margin_m };
+        let bounds =
+            |robot: &RobotSpec| Bounds { speed_mps: robot.foreign_speed_mps.unwrap_or(own.speed_mps), ..own };
         let tracks = scenario.robots.iter().map(|robot| Track::new(robot.start, bounds(robot))).collect();
         Self {
             ids,
@@ -63,7 +65,36 @@ impl Admission {
             writers: Vec::with_capacity(WRITERS),
             arena_m: config.arena_m,
             max_age_ns: config.max_age_or_default_ns(period_ns),
+            bounds: own,
             rejections: Rejections::default(),
+        }
+    }
+
+    /// With room for as many robots as there are places.
+    #[must_use]
+    pub(crate) fn with_places(mut self, places: usize) -> Self {
+        self.ids.reserve_exact(places.saturating_sub(self.ids.len()));
+        let bounds = self.bounds;
+        self.tracks.resize_with(places.max(self.tracks.len()), || Track::new(Pose::default(), bounds));
+        self
+    }
+
+    /// Robot `robot` takes the `index`-th place, not seen yet. Allocates nothing when the fleet was made
+    /// with places for it.
+    pub(crate) fn admit(&mut self, index: usize, robot: &RobotSpec) {
+        self.dismiss(index);
+        let at = self.ids.partition_point(|(id, _)| *id < robot.id.0);
+        self.ids.insert(at, (robot.id.0, index));
+        if let Some(track) = self.tracks.get_mut(index) {
+            *track = Track::new(robot.start, self.bounds);
+        }
+    }
+
+    /// Nobody stands in the `index`-th place any more: what is observed of it is unknown.
+    pub(crate) fn dismiss(&mut self, index: usize) {
+        self.ids.retain(|(_, place)| *place != index);
+        if let Some(track) = self.tracks.get_mut(index) {
+            *track = Track::new(Pose::default(), self.bounds);
         }
     }
 
@@ -146,7 +177,10 @@ impl Admission {
         record: &RobotObservation,
         now_ns: u64,
     ) -> Result<(), Rejection> {
-        let Ok(index) = self.ids.binary_search(&record.id) else { return Err(Rejection::UnknownRobot) };
+        let Ok(at) = self.ids.binary_search_by_key(&record.id, |(id, _)| *id) else {
+            return Err(Rejection::UnknownRobot);
+        };
+        let (_, index) = self.ids[at];
         if ![record.x_m, record.y_m, record.theta_rad].iter().all(|x| x.is_finite()) {
             return Err(Rejection::NotFinite);
         }

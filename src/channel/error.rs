@@ -91,6 +91,16 @@ pub enum ChannelError {
         service: String,
     },
 
+    /// The channel carries other records.
+    #[error("the channel {service:?} carries records of another schema than v1")]
+    #[diagnostic(help(
+        "the daemon, or somebody who keeps its channel alive, is of another version: use the same on both sides"
+    ))]
+    Schema {
+        /// The channel's full name.
+        service: String,
+    },
+
     /// The channel exists and does not fit.
     #[error("the channel {service:?} cannot be opened: {reason}")]
     #[diagnostic(help(

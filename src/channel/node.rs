@@ -214,7 +214,14 @@ impl Attachment {
     /// [`ChannelError::Owned`] when the channel's only writer is somebody else, and the reasons for
     /// which a channel cannot be opened.
     pub fn writer<R: Record>(&self, robots: usize) -> Result<Writer<R>, ChannelError> {
-        let service = self.create::<R>(robots)?;
+        self.publisher(&self.create::<R>(robots)?, robots)
+    }
+
+    fn publisher<R: Record>(
+        &self,
+        service: &Service<ipc::Service, [R], R::Header>,
+        robots: usize,
+    ) -> Result<Writer<R>, ChannelError> {
         let discarded = Writer::<R>::discard_counter();
         let counter = discarded.clone();
         let created = service
@@ -231,7 +238,7 @@ impl Attachment {
             Ok(publisher) => Ok(Writer::new(publisher, robots, discarded)),
             Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => Err(ChannelError::Owned {
                 fleet: self.transport.fleet.clone(),
-                owner: self.owner_of(&service),
+                owner: self.owner_of(service),
             }),
             Err(e) => Err(self.port_error::<R>(&e)),
         }
@@ -242,10 +249,7 @@ impl Attachment {
     /// # Errors
     /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
     pub fn reader<R: Record>(&self) -> Result<Reader<R>, ChannelError> {
-        let service = self.name::<R>()?;
-        let opened =
-            self.node.service_builder(&service).publish_subscribe::<[R]>().user_header::<R::Header>().open();
-        self.subscribe(&opened.map_err(|e| self.open_error::<R>(e))?)
+        self.subscribe(&self.open::<R>()?)
     }
 
     /// Attaches to a channel, and makes it if it does not exist.
@@ -298,16 +302,32 @@ impl Attachment {
         created.map(AdminServer::new).map_err(|e| self.admin_port_error(&e))
     }
 
-    /// Attaches to `admin` as a client that asks about up to `robots` robots at a time.
+    /// Attaches to `observation` as one more writer, of samples with `robots` records. The channel has to
+    /// exist: the daemon makes it when it listens.
+    ///
+    /// # Errors
+    /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
+    pub fn observer(&self, robots: usize) -> Result<Writer<RobotObservation>, ChannelError> {
+        self.publisher(&self.open::<RobotObservation>()?, robots)
+    }
+
+    /// Whether somebody writes the fleet's state.
+    pub fn has_daemon(&self) -> bool {
+        self.ports::<RobotState>().1 > 0
+    }
+
+    /// Attaches to `admin` as a client.
     ///
     /// # Errors
     /// [`ChannelError::NoDaemon`] when the channel does not exist, and the reasons for which it cannot
     /// be opened.
-    pub fn admin(&self, robots: usize) -> Result<AdminPort, ChannelError> {
+    pub fn admin(&self) -> Result<AdminPort, ChannelError> {
         let service = self.open_admin()?;
         let created = service
             .client_builder()
-            .initial_max_slice_len(robots.max(1))
+            // Most requests are about one robot; more memory is taken when one is about many.
+            .initial_max_slice_len(16)
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create();
         created.map(AdminPort::new).map_err(|e| self.admin_port_error(&e))
@@ -326,10 +346,7 @@ impl Attachment {
 
     /// Readers and writers of a channel.
     fn ports<R: Record>(&self) -> (usize, usize) {
-        let Ok(name) = self.name::<R>() else { return (0, 0) };
-        let opened =
-            self.node.service_builder(&name).publish_subscribe::<[R]>().user_header::<R::Header>().open();
-        opened.map_or((0, 0), |service| {
+        self.open::<R>().map_or((0, 0), |service| {
             let ports = service.dynamic_config();
             (ports.number_of_subscribers(), ports.number_of_publishers())
         })
@@ -351,10 +368,11 @@ impl Attachment {
     }
 
     fn admin_open_error(&self, error: RequestResponseOpenError) -> ChannelError {
-        if error == RequestResponseOpenError::DoesNotExist {
-            ChannelError::NoDaemon { service: self.transport.admin_name() }
-        } else {
-            self.admin_open_failure(&error)
+        let service = self.transport.admin_name();
+        match error {
+            RequestResponseOpenError::DoesNotExist => ChannelError::NoDaemon { service },
+            RequestResponseOpenError::IncompatibleRequestOrResponseType => ChannelError::Schema { service },
+            other => self.admin_open_failure(&other),
         }
     }
 
@@ -371,6 +389,13 @@ impl Attachment {
         service: &Service<ipc::Service, [R], R::Header>,
     ) -> Result<Reader<R>, ChannelError> {
         service.subscriber_builder().create().map(Reader::new).map_err(|e| self.port_error::<R>(&e))
+    }
+
+    fn open<R: Record>(&self) -> Result<Service<ipc::Service, [R], R::Header>, ChannelError> {
+        let service = self.name::<R>()?;
+        let opened =
+            self.node.service_builder(&service).publish_subscribe::<[R]>().user_header::<R::Header>().open();
+        opened.map_err(|e| self.open_error::<R>(e))
     }
 
     fn create<R: Record>(
@@ -404,10 +429,11 @@ impl Attachment {
     }
 
     fn open_error<R: Record>(&self, error: PublishSubscribeOpenError) -> ChannelError {
-        if error == PublishSubscribeOpenError::DoesNotExist {
-            ChannelError::NoDaemon { service: self.transport.service_name(R::CHANNEL) }
-        } else {
-            self.open_failure::<R>(&error)
+        let service = self.transport.service_name(R::CHANNEL);
+        match error {
+            PublishSubscribeOpenError::DoesNotExist => ChannelError::NoDaemon { service },
+            PublishSubscribeOpenError::IncompatibleTypes => ChannelError::Schema { service },
+            other => self.open_failure::<R>(&other),
         }
     }
 

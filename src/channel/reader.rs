@@ -4,6 +4,7 @@ use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
 
 use super::{ChannelError, Record};
+use crate::wire::{RobotState, state_flags};
 
 /// Reads samples in place.
 #[derive(Debug)]
@@ -46,6 +47,13 @@ impl<R: Record> Reader<R> {
     }
 }
 
+impl Received<RobotState> {
+    /// The robots of the fleet: the records without the free places.
+    pub fn present(&self) -> impl Iterator<Item = &RobotState> {
+        self.robots().iter().filter(|robot| !robot.has(state_flags::VACANT))
+    }
+}
+
 /// A sample in shared memory; it goes back to its writer when it is dropped.
 #[derive(Debug)]
 pub struct Received<R: Record> {
@@ -58,7 +66,7 @@ impl<R: Record> Received<R> {
         self.sample.user_header()
     }
 
-    /// One record a robot.
+    /// One record for each place of the fleet, in the same order in every sample of a run.
     pub fn robots(&self) -> &[R] {
         self.sample.payload()
     }

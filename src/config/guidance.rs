@@ -186,9 +186,9 @@ impl Default for GuidanceParams {
 }
 
 impl GuidanceParams {
-    /// Reads a `[guidance]` section over the defaults.
-    pub(super) fn read(mut s: Section<'_>) -> Self {
-        let mut p = Self::default();
+    /// Reads a `[guidance]` section over these.
+    pub(super) fn read(self, mut s: Section<'_>) -> Self {
+        let mut p = self;
         s.set_number("sight_m", &mut p.sight_m, (Excluded(0.0), Included(1000.0)));
         s.set_number("lane_gap_m", &mut p.lane_gap_m, (Excluded(0.0), Included(100.0)));
         s.set_number("lane_horizon_s", &mut p.lane_horizon_s, (Excluded(0.0), Included(3600.0)));

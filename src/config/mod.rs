@@ -29,6 +29,7 @@ mod guidance;
 mod read;
 mod rules;
 mod runtime;
+mod write;
 
 pub use admin::AdminConfig;
 pub use channel::ChannelConfig;
@@ -95,6 +96,12 @@ impl Config {
     /// Places of the fleet: its robots, and room for those that may be added.
     pub fn places(&self) -> usize {
         self.scenario.robots.len().max(self.admin.capacity)
+    }
+
+    /// The settings as a TOML file, each with its value or what happens without one. The scenario goes
+    /// by its name; [`Scenario::to_toml`] writes it out.
+    pub fn to_toml(&self) -> String {
+        write::to_toml(self)
     }
 
     /// Reads and checks the TOML file at `path`. A scenario given as a path is relative to it.

@@ -6,7 +6,7 @@ use super::{
     AdminConfig, ChannelConfig, Config, ControllerConfig, GuidanceParams, RealTimeConfig, SourceConfig,
     TelemetryConfig, TimingConfig, Weights, is_fleet_name,
 };
-use crate::document::{ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
+use crate::document::{Asked, ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::scenario::{Scenario, has_file_ending};
 use std::ops::Bound::{Excluded, Included};
 use std::path::Path;
@@ -38,14 +38,14 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     } else {
         scenario
     };
-    let timing = timing(root.section("timing"));
-    let realtime = realtime(root.section("realtime"));
-    let controller = controller(root.section("controller"));
-    let guidance = GuidanceParams::read(root.section("guidance"));
-    let source = source(root.section("source"));
-    let telemetry = telemetry(root.section("telemetry"));
-    let admin = admin(root.section("admin"));
-    let channel = channel(root.section("channel"));
+    let timing = timing(root.section("timing"), TimingConfig::default());
+    let realtime = realtime(root.section("realtime"), RealTimeConfig::default());
+    let controller = controller(root.section("controller"), ControllerConfig::default());
+    let guidance = GuidanceParams::default().read(root.section("guidance"));
+    let source = source(root.section("source"), SourceConfig::default());
+    let telemetry = telemetry(root.section("telemetry"), TelemetryConfig::default());
+    let admin = admin(root.section("admin"), AdminConfig::default());
+    let channel = channel(root.section("channel"), ChannelConfig::default());
     root.finish();
 
     contradictions(doc, &timing, &realtime, &controller, &source);
@@ -73,6 +73,21 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     Ok(config)
 }
 
+/// Every setting of `config` with its value.
+pub(super) fn settings(config: &Config) -> Result<Vec<Asked>, ConfigError> {
+    let doc = Document::parse("", "configuration")?;
+    let mut root = doc.root();
+    timing(root.section("timing"), config.timing);
+    realtime(root.section("realtime"), config.realtime.clone());
+    controller(root.section("controller"), config.controller);
+    config.guidance.read(root.section("guidance"));
+    source(root.section("source"), config.source);
+    telemetry(root.section("telemetry"), config.telemetry);
+    admin(root.section("admin"), config.admin);
+    channel(root.section("channel"), config.channel.clone());
+    Ok(doc.settings())
+}
+
 fn fleet(root: &mut Section<'_>) -> Option<String> {
     let name = root.text("fleet")?;
     if !is_fleet_name(&name.value) {
@@ -89,8 +104,7 @@ pub(super) struct Timing {
     pub(super) margin: Option<Place>,
 }
 
-fn timing(mut s: Section<'_>) -> Timing {
-    let mut t = TimingConfig::default();
+fn timing(mut s: Section<'_>, mut t: TimingConfig) -> Timing {
     let period = s.set_micros("period_us", &mut t.period_ns, 200..=SECOND_US);
     let margin = s.set_micros_or(
         "deadline_margin_us",
@@ -116,8 +130,7 @@ pub(super) struct RealTime {
     pub(super) wakeup: Option<Place>,
 }
 
-fn realtime(mut s: Section<'_>) -> RealTime {
-    let mut r = RealTimeConfig::default();
+fn realtime(mut s: Section<'_>, mut r: RealTimeConfig) -> RealTime {
     let policy = s.set_choice("policy", &mut r.policy);
     s.set_integer("priority", &mut r.priority, 1..=99);
     s.set_integer_or("loop_cpu", &mut r.loop_cpu, 0..=CPUS_MAX, "the first usable one");
@@ -133,8 +146,7 @@ fn realtime(mut s: Section<'_>) -> RealTime {
     RealTime { value: r, policy, wakeup }
 }
 
-fn admin(mut s: Section<'_>) -> AdminConfig {
-    let mut a = AdminConfig::default();
+fn admin(mut s: Section<'_>, mut a: AdminConfig) -> AdminConfig {
     s.set_integer("capacity", &mut a.capacity, 0..=Scenario::MAX_ROBOTS as u64);
     s.set_integer("max_clients", &mut a.max_clients, 1..=256);
     s.set_integer("changes_per_period", &mut a.changes_per_period, 1..=64);
@@ -142,8 +154,7 @@ fn admin(mut s: Section<'_>) -> AdminConfig {
     a
 }
 
-fn channel(mut s: Section<'_>) -> ChannelConfig {
-    let mut c = ChannelConfig::default();
+fn channel(mut s: Section<'_>, mut c: ChannelConfig) -> ChannelConfig {
     if let Some(prefix) = s.text("prefix") {
         c.prefix = prefix.value;
     }
@@ -163,9 +174,8 @@ pub(super) struct Controller {
     pub(super) comfort_gamma: Option<Place>,
 }
 
-fn controller(mut s: Section<'_>) -> Controller {
+fn controller(mut s: Section<'_>, mut c: ControllerConfig) -> Controller {
     let share = (Excluded(0.0), Included(1.0));
-    let mut c = ControllerConfig::default();
     s.set_choice("profile", &mut c.profile);
     s.set_choice("solver", &mut c.solver);
     s.set_choice("barrier", &mut c.barrier);
@@ -180,15 +190,14 @@ fn controller(mut s: Section<'_>) -> Controller {
     }
     s.set_flag("guidance", &mut c.guidance);
     s.set_integer("max_neighbours", &mut c.max_neighbours, 1..=1024);
-    c.weights = weights(s.section("weights"));
+    c.weights = weights(s.section("weights"), c.weights);
     s.finish();
     Controller { value: c, gamma, comfort_gamma }
 }
 
-fn weights(mut s: Section<'_>) -> Weights {
+fn weights(mut s: Section<'_>, mut w: Weights) -> Weights {
     // Twelve orders of magnitude around 1: beyond it the solvers run out of digits.
     let range = 1e-6..=1e6;
-    let mut w = Weights::default();
     s.set_number("v", &mut w.v, range.clone());
     s.set_number("omega", &mut w.omega, range.clone());
     s.set_number("position", &mut w.position, range.clone());
@@ -204,8 +213,7 @@ pub(super) struct Source {
     pub(super) arena: Option<Place>,
 }
 
-fn source(mut s: Section<'_>) -> Source {
-    let mut v = SourceConfig::default();
+fn source(mut s: Section<'_>, mut v: SourceConfig) -> Source {
     s.set_choice("kind", &mut v.kind);
     s.set_choice("plant", &mut v.plant);
     let max_age = s.set_micros_or("max_age_us", &mut v.max_age_ns, 1..=60 * SECOND_US, "two periods");
@@ -215,8 +223,7 @@ fn source(mut s: Section<'_>) -> Source {
     Source { value: v, max_age, arena }
 }
 
-fn telemetry(mut s: Section<'_>) -> TelemetryConfig {
-    let mut t = TelemetryConfig::default();
+fn telemetry(mut s: Section<'_>, mut t: TelemetryConfig) -> TelemetryConfig {
     s.set_integer("queue_periods", &mut t.queue_periods, 1..=65_536);
     s.set_integer("audit_every", &mut t.audit_every, 0..=1_000_000);
     s.finish();

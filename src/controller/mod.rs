@@ -6,14 +6,18 @@
 //! stop with its reason. Which robots share a group changes nothing: a robot's decision depends on the
 //! common states and its own memory only.
 //!
-//! Reads a slice of [`RobotState`] in the order of the scenario's robots; writes one [`Decision`] a
-//! robot. All memory is allocated by [`RobotGroup::new`]; a solve with the exact solver allocates
+//! Reads a slice of [`RobotState`], one for each place of the fleet; writes one [`Decision`] a place.
+//! Who stands in a place and where it is to go is read from the state as well, so that robots and goals
+//! may change between two periods and the same states always give the same decisions. All memory is allocated by [`RobotGroup::new`]; a solve with the exact solver allocates
 //! nothing and cannot panic on data.
 
 mod check;
 pub mod printed;
 mod robot;
 mod rows;
+mod shelf;
+
+pub use shelf::{PreparedRoute, RouteShelf};
 
 use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;
@@ -27,6 +31,7 @@ use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
 use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry};
 use robot::RobotController;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// When a command acts, seen from the state that it answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -144,6 +149,7 @@ struct Workspace {
     solution: Solution,
     solver: AnySolver,
     recorder: Option<Recorder>,
+    shelf: Option<Arc<RouteShelf>>,
 }
 
 /// The robots that one worker owns, with their guidance memory and the worker's solver.
@@ -162,16 +168,24 @@ impl RobotGroup {
         self
     }
 
-    /// Builds the controllers of `config.scenario.robots[owned]`.
+    /// Takes the routes to new goals from `shelf`. Without one, or when it has none, they are built in
+    /// the period that needs them.
+    #[must_use]
+    pub fn with_routes(mut self, shelf: Arc<RouteShelf>) -> Self {
+        self.workspace.shelf = Some(shelf);
+        self
+    }
+
+    /// Builds the controllers of the places `owned`: the robots of the scenario, then free places.
     ///
     /// # Errors
     /// When Clarabel refuses its set-up or the range does not fit the fleet.
     pub fn new(config: &Config, owned: Range<usize>) -> Result<Self, ControllerError> {
         let scenario = &config.scenario;
-        let robots = scenario.robots.len();
-        let Some(specs) = scenario.robots.get(owned.clone()) else {
+        let robots = config.places();
+        if owned.start > owned.end || owned.end > robots {
             return Err(ControllerError::NoSuchRobot { first: owned.start, end: owned.end, robots });
-        };
+        }
         let control = config.controller;
         let rows = rows_max(&control);
         let solver = match control.solver {
@@ -192,13 +206,17 @@ impl RobotGroup {
             foreign_periods: 0.0,
             largest_radius_m: 0.0,
             unknown_m: 0.0,
-            foreign_speed_mps: scenario.robots.iter().map(|robot| robot.foreign_speed_mps).collect(),
+            foreign_speed_mps: (0..robots)
+                .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
+                .collect(),
         };
         Ok(Self {
-            owned: specs
-                .iter()
-                .zip(owned)
-                .map(|(spec, index)| RobotController::new(&law, spec, index))
+            owned: owned
+                .map(|index| {
+                    let state =
+                        scenario.robots.get(index).map_or_else(RobotState::vacant, RobotState::at_start);
+                    RobotController::new(&law, &state, index)
+                })
                 .collect(),
             law,
             predicted: vec![RobotState::default(); robots],
@@ -208,6 +226,7 @@ impl RobotGroup {
                 solution: Solution::with_capacity(rows),
                 solver,
                 recorder: None,
+                shelf: None,
             },
         })
     }
@@ -219,6 +238,14 @@ impl RobotGroup {
         }
     }
 
+    /// Puts the robot that `state` shows into the place `index`; whether the place is owned here. For a
+    /// robot that joined during a run, before [`restore`](Self::restore); a checkpoint of another robot
+    /// is one of who stood there before, and is not restored.
+    pub fn seat(&mut self, index: usize, state: &RobotState) -> bool {
+        let robot = self.owned.iter_mut().find(|robot| robot.index() == index);
+        robot.map(|robot| robot.follow(&self.law, state, None)).is_some()
+    }
+
     /// Makes robot `index` of the fleet remember what it did at `checkpoint`; whether it is owned here
     /// and has that id.
     pub fn restore(&mut self, index: usize, checkpoint: &RobotCheckpoint) -> bool {
@@ -228,8 +255,8 @@ impl RobotGroup {
 
     /// Decides for every owned robot; calls `each` with its index in the fleet.
     ///
-    /// `fleet` are the states of `t_k` with the commands in force, one for each robot of the scenario
-    /// in its order. A slice of another length decides nothing.
+    /// `fleet` are the states of `t_k` with the commands in force, one for each place: the robots of the
+    /// scenario in its order, then the places beyond. A slice of another length decides nothing.
     pub fn solve(&mut self, fleet: &[RobotState], timing: Timing, mut each: impl FnMut(usize, &Decision)) {
         self.solve_watched(fleet, timing, |index, decision, _| each(index, decision));
     }

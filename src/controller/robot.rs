@@ -1,14 +1,14 @@
 //! One robot's controller: its guidance memory, and its way from the states to a decision.
 
 use super::check::{is_safe, speed_limit_mps};
-use super::{Decision, Law, Workspace, printed, rows};
+use super::{Decision, Law, RouteShelf, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
 use crate::geometry::{Vec2, bearing, wrap};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
 };
-use crate::model::{Command, RobotId, RobotSpec};
+use crate::model::{Command, RobotId};
 use crate::neighbours::Nearby;
 use crate::programme::{Certificate, Interval};
 use crate::solver::{Outcome, Solver, optimal_speed, optimal_turn_rate};
@@ -25,9 +25,13 @@ const KKT_TOLERANCE: f64 = 1e-6;
 /// Obstacles further than this are of no interest to the guidance, m.
 const OBSTACLE_RANGE_M: f64 = 4.0;
 
+/// Where the goal stands in the words of a checkpoint, behind those of the guidance.
+const GOAL_WORDS: std::ops::Range<usize> = RobotCheckpoint::WORDS - 2..RobotCheckpoint::WORDS;
+
 pub(super) struct RobotController {
     index: usize,
     id: RobotId,
+    radius_m: f64,
     memory: Memory,
     route: Route,
     goal_m: Vec2,
@@ -110,21 +114,38 @@ fn straight(goal_m: Vec2, v_max_mps: f64) -> Guidance {
     }
 }
 
+/// Why a robot is not driven at all, whatever its state.
+fn stands(own: &RobotState) -> Option<StopReason> {
+    let reasons = [
+        (state_flags::VACANT, StopReason::Vacant),
+        (state_flags::FOREIGN, StopReason::Foreign),
+        (state_flags::STOPPED, StopReason::Stopped),
+        (state_flags::PAUSED, StopReason::Paused),
+    ];
+    reasons.into_iter().find(|(flag, _)| own.has(*flag)).map(|(_, reason)| reason)
+}
+
 fn arrived(law: &Law, robot: &RobotState) -> bool {
     (robot.position_m() - robot.goal_m()).norm() <= law.tolerance_m
 }
 
 impl RobotController {
-    pub(super) fn new(law: &Law, spec: &RobotSpec, index: usize) -> Self {
-        let keep_m = law.limits.safety_margin_m + spec.radius_m;
+    /// For the robot that `state` shows first, which may also be none.
+    pub(super) fn new(law: &Law, state: &RobotState, index: usize) -> Self {
+        let keep_m = law.limits.safety_margin_m + state.radius_m;
         let views: Vec<ObstacleView> =
             law.obstacles.iter().map(|&obstacle| ObstacleView { obstacle, keep_m }).collect();
         Self {
             index,
-            id: spec.id,
+            id: state.robot(),
+            radius_m: state.radius_m,
             memory: Memory::default(),
-            route: Route::build(&views, spec.goal_m),
-            goal_m: spec.goal_m,
+            route: if state.has(state_flags::VACANT) {
+                Route::build(&[], state.goal_m())
+            } else {
+                Route::build(&views, state.goal_m())
+            },
+            goal_m: state.goal_m(),
             near_views: Vec::with_capacity(views.len()),
             views,
             last_intent: RobotIntent::default(),
@@ -135,32 +156,60 @@ impl RobotController {
         self.index
     }
 
-    /// What it remembers. Everything else that a decision depends on is in the states and in `Law`.
+    /// What it remembers, and on the way to which goal. Everything else that a decision depends on is in
+    /// the states and in `Law`.
     pub(super) fn checkpoint(&self) -> RobotCheckpoint {
-        RobotCheckpoint {
-            id: self.id.0,
-            flags: checkpoint_flags::ANSWERED,
-            words: guidance::checkpoint::words(&self.memory),
-        }
+        let mut words = guidance::checkpoint::words(&self.memory);
+        words[GOAL_WORDS].copy_from_slice(&[self.goal_m.x.to_bits(), self.goal_m.y.to_bits()]);
+        RobotCheckpoint { id: self.id.0, flags: checkpoint_flags::ANSWERED, words }
     }
 
     /// Goes back to what it remembered; whether `checkpoint` is one of its own.
     pub(super) fn restore(&mut self, checkpoint: &RobotCheckpoint) -> bool {
         let own = checkpoint.id == self.id.0;
         if own {
+            let [x, y] =
+                [GOAL_WORDS.start, GOAL_WORDS.start + 1].map(|w| f64::from_bits(checkpoint.words[w]));
+            if self.goal_m != Vec2::new(x, y) {
+                self.goal_m = Vec2::new(x, y);
+                self.route = Route::build(&self.views, self.goal_m);
+            }
             self.memory = guidance::checkpoint::memory(&checkpoint.words);
         }
         own
+    }
+
+    /// Takes in who stands here and where it is to go: with another robot or another goal everything
+    /// that was remembered is void.
+    pub(super) fn follow(&mut self, law: &Law, own: &RobotState, shelf: Option<&RouteShelf>) {
+        let (goal_m, same_body) = (own.goal_m(), own.radius_m == self.radius_m);
+        if own.robot() == self.id && same_body && goal_m == self.goal_m {
+            return;
+        }
+        (self.id, self.radius_m, self.goal_m) = (own.robot(), own.radius_m, goal_m);
+        (self.memory, self.last_intent) = (Memory::default(), RobotIntent::default());
+        let keep_m = law.limits.safety_margin_m + own.radius_m;
+        for view in &mut self.views {
+            view.keep_m = keep_m;
+        }
+        if own.has(state_flags::VACANT) {
+            return;
+        }
+        let found = shelf.is_some_and(|shelf| shelf.exchange(self.index, keep_m, goal_m, &mut self.route));
+        if !found {
+            self.route = Route::build(&self.views, goal_m);
+        }
     }
 
     /// The whole step for one period.
     pub(super) fn decide(&mut self, law: &Law, fleet: &[RobotState], work: &mut Workspace) -> Decision {
         let started = Instant::now();
         let own = &fleet[self.index];
+        self.follow(law, own, work.shelf.as_deref());
         let mut telemetry =
             RobotTelemetry { id: self.id.0, clearance_m: f64::INFINITY, ..RobotTelemetry::default() };
-        let command = if law.foreign_speed_mps[self.index].is_some() {
-            RobotCommand::stop(self.id, StopReason::Foreign)
+        let command = if let Some(reason) = stands(own) {
+            RobotCommand::stop(self.id, reason)
         } else if own.has(state_flags::VALID) {
             match self.solve(law, fleet, work, &mut telemetry) {
                 Ok(command) => RobotCommand::verified(self.id, command),

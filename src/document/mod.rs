@@ -21,7 +21,7 @@ pub use error::{ConfigError, ErrorKind, Problem};
 pub use names::UnknownName;
 pub(crate) use names::names;
 pub(crate) use section::{Found, Section};
-pub(crate) use setting::{Asked, Named};
+pub(crate) use setting::{Asked, Named, quoted};
 pub(crate) use source::Place;
 pub(crate) use suggest::nearest;
 
@@ -97,8 +97,7 @@ impl Document {
         self.asked.borrow_mut().push(asked);
     }
 
-    /// Every setting with a default that was asked for.
-    #[cfg(test)]
+    /// Every setting with a default that was asked for, in that order.
     pub(crate) fn settings(&self) -> Vec<Asked> {
         self.asked.borrow().clone()
     }

@@ -15,6 +15,9 @@ pub(crate) struct Asked {
     pub(crate) range: String,
     /// What it is when it is left out.
     pub(crate) default: String,
+    /// The value before the document is read, as TOML; `None`: nothing, and what then happens is in
+    /// `default`.
+    pub(crate) value: Option<String>,
 }
 
 /// A choice that is written by name.
@@ -29,9 +32,9 @@ pub(crate) trait Named: Copy + 'static {
 /// Settings with a default: `target` holds it and is replaced when the key is there and sound. Each
 /// returns where the value stands, for rules that concern two of them.
 impl Section<'_> {
-    fn asked(&self, key: &str, range: &str, default: &dyn Display) {
-        let asked = Asked { key: self.path_of(key), range: range.to_owned(), default: default.to_string() };
-        self.doc.asked(asked);
+    fn asked(&self, key: &str, range: &str, default: &dyn Display, value: Option<String>) {
+        let (key, range, default) = (self.path_of(key), range.to_owned(), default.to_string());
+        self.doc.asked(Asked { key, range, default, value });
     }
 
     fn out_of_range(&self, key: &str, place: &Place, range: &str) {
@@ -48,7 +51,7 @@ impl Section<'_> {
         range: impl RangeBounds<f64>,
     ) -> Option<Place> {
         let words = in_words(&range);
-        self.asked(key, &words, target);
+        self.asked(key, &words, target, Some(format!("{target:?}")));
         let found = self.number(key)?;
         if !range.contains(&found.value) {
             self.out_of_range(key, &found.place, &words);
@@ -65,21 +68,21 @@ impl Section<'_> {
         target: &mut T,
         range: RangeInclusive<u64>,
     ) -> Option<Place> {
-        self.asked(key, &in_words(&range), target);
+        self.asked(key, &in_words(&range), target, Some(target.to_string()));
         let (value, place) = self.integer_in(key, &range)?;
         *target = T::try_from(value).ok()?;
         Some(place)
     }
 
     /// An integer that may be left out; `default` says what then happens.
-    pub(crate) fn set_integer_or<T: TryFrom<u64>>(
+    pub(crate) fn set_integer_or<T: TryFrom<u64> + Display>(
         &mut self,
         key: &'static str,
         target: &mut Option<T>,
         range: RangeInclusive<u64>,
         default: &str,
     ) -> Option<Place> {
-        self.asked(key, &in_words(&range), &default);
+        self.asked(key, &in_words(&range), &default, target.as_ref().map(T::to_string));
         let (value, place) = self.integer_in(key, &range)?;
         *target = Some(T::try_from(value).ok()?);
         Some(place)
@@ -106,7 +109,7 @@ impl Section<'_> {
         range_us: RangeInclusive<u64>,
         default: &str,
     ) -> Option<Place> {
-        let mut us = None;
+        let mut us = target_ns.map(|ns| ns / 1000);
         let place = self.set_integer_or::<u64>(key, &mut us, range_us, default)?;
         *target_ns = us.map(|us| us.saturating_mul(1000));
         Some(place)
@@ -114,7 +117,7 @@ impl Section<'_> {
 
     /// Yes or no.
     pub(crate) fn set_flag(&mut self, key: &'static str, target: &mut bool) -> Option<Place> {
-        self.asked(key, "true or false", target);
+        self.asked(key, "true or false", target, Some(target.to_string()));
         let found = self.read(key, |node| match node.value {
             Value::Flag(flag) => Ok(flag),
             _ => Err("true or false"),
@@ -127,7 +130,7 @@ impl Section<'_> {
     pub(crate) fn set_choice<T: Named>(&mut self, key: &'static str, target: &mut T) -> Option<Place> {
         let names: Vec<&str> = T::ALL.iter().map(|choice| choice.name()).collect();
         let listed = names.join(", ");
-        self.asked(key, &listed, &target.name());
+        self.asked(key, &listed, &target.name(), Some(quoted(target.name())));
         let found = self.text(key)?;
         let Some(choice) = T::ALL.iter().find(|choice| choice.name() == found.value) else {
             let guess = nearest(&found.value, names.iter().copied());
@@ -154,7 +157,8 @@ impl Section<'_> {
         range: RangeInclusive<u64>,
         default: &str,
     ) {
-        self.asked(key, &format!("a list of different integers {}", in_words(&range)), &default);
+        let value = (!target.is_empty()).then(|| format!("{target:?}"));
+        self.asked(key, &format!("a list of different integers {}", in_words(&range)), &default, value);
         let Some(found) = self.naturals(key) else { return };
         target.clear();
         for (i, item) in found.iter().enumerate() {
@@ -183,6 +187,11 @@ impl Section<'_> {
         }
         Some((found.value, found.place))
     }
+}
+
+/// A text as TOML.
+pub(crate) fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
 }
 
 /// A range as it is written in messages and in the documentation.

@@ -63,7 +63,9 @@ pub fn initial_fleet(config: &Config) -> Vec<RobotState> {
         state.flags |= state_flags::VALID;
         state
     };
-    config.scenario.robots.iter().map(observed).collect()
+    let mut fleet: Vec<RobotState> = config.scenario.robots.iter().map(observed).collect();
+    fleet.resize_with(config.places(), RobotState::vacant);
+    fleet
 }
 
 /// Runs `config.scenario` until everybody has arrived and stands, or its time is up.
@@ -114,8 +116,8 @@ pub fn run_watched(
             solve_ns.record(decision.telemetry.solve_ns);
             step_ns += decision.telemetry.step_ns;
             steps += 1;
-            let stopped = ![0, StopReason::Foreign as u32].contains(&decision.command.stop_reason);
-            fallback_commands += u64::from(stopped);
+            let reason = StopReason::from_code(decision.command.stop_reason);
+            fallback_commands += u64::from(reason.is_some_and(|reason| !reason.is_wanted()));
         });
         fleet_step_ns.record(step_ns - step_ns_before);
         if timing == Timing::Ideal {

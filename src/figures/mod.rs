@@ -65,7 +65,11 @@ pub struct ControlFigures {
 /// One robot's running sums.
 #[derive(Debug, Clone, Copy)]
 struct Track {
+    /// Id of the robot; `None`: a free place.
+    id: Option<u32>,
+    /// Where and when its way to the present goal began.
     start_m: Vec2,
+    since_s: f64,
     /// Time for turning on the spot from the first heading towards the first goal, s.
     first_turn_s: f64,
     goal_m: Vec2,
@@ -83,14 +87,63 @@ struct Track {
 }
 
 /// Nobody who starts with another heading can do without this turn, s.
-fn first_turn_s(spec: &RobotSpec, limits: &Limits) -> f64 {
-    let way = spec.goal_m - spec.start.position_m;
-    let error_rad = wrap(bearing(way) - spec.start.theta_rad);
+fn first_turn_s(start: Pose, goal_m: Vec2, limits: &Limits) -> f64 {
+    let way = goal_m - start.position_m;
+    let error_rad = wrap(bearing(way) - start.theta_rad);
     let rate = if error_rad >= 0.0 { limits.omega_max_radps } else { -limits.omega_min_radps };
     if way.norm() > 0.0 && rate > 0.0 { error_rad.abs() / rate } else { 0.0 }
 }
 
 impl Track {
+    /// Nobody.
+    const VACANT: Self = Self {
+        id: None,
+        start_m: Vec2::new(0.0, 0.0),
+        since_s: 0.0,
+        first_turn_s: 0.0,
+        goal_m: Vec2::new(0.0, 0.0),
+        radius_m: 0.0,
+        foreign: false,
+        arrived_s: None,
+        driven_m: 0.0,
+        omega_radps: 0.0,
+        omega_variation: 0.0,
+        progress: (Pose { position_m: Vec2::new(0.0, 0.0), theta_rad: 0.0 }, 0.0),
+        stalled: false,
+    };
+
+    /// A robot that begins its way to its goal.
+    fn new(state: &RobotState, now_s: f64, limits: &Limits) -> Self {
+        let (pose, goal_m) = (state.pose(), state.goal_m());
+        Self {
+            id: Some(state.id),
+            start_m: pose.position_m,
+            since_s: now_s,
+            first_turn_s: first_turn_s(pose, goal_m, limits),
+            goal_m,
+            radius_m: state.radius_m,
+            foreign: state.has(state_flags::FOREIGN),
+            progress: (pose, now_s),
+            ..Self::VACANT
+        }
+    }
+
+    /// Takes in who stands here and where it is to go; whether anybody does. With a new goal a new way
+    /// begins.
+    fn follow(&mut self, state: &RobotState, now_s: f64, limits: &Limits) -> bool {
+        if state.has(state_flags::VACANT) {
+            *self = Self::VACANT;
+        } else if self.id != Some(state.id) {
+            *self = Self::new(state, now_s, limits);
+        } else if self.goal_m != state.goal_m() {
+            let before = *self;
+            *self = Self::new(state, now_s, limits);
+            (self.omega_radps, self.omega_variation) = (before.omega_radps, before.omega_variation);
+            self.stalled = before.stalled;
+        }
+        self.id.is_some()
+    }
+
     fn stall(&mut self, pose: Pose, now_s: f64) {
         let (last, since_s) = self.progress;
         let moved = (pose.position_m - last.position_m).norm() > STALL_MOVE_M;
@@ -124,27 +177,22 @@ pub struct Accumulator {
 impl Accumulator {
     /// An empty collection for `scenario` at a period of `period_s` seconds.
     pub fn new(scenario: &Scenario, period_s: f64) -> Self {
-        let n = scenario.robots.len();
-        let track = |spec: &RobotSpec| Track {
-            start_m: spec.start.position_m,
-            first_turn_s: first_turn_s(spec, &scenario.limits),
-            goal_m: spec.goal_m,
-            radius_m: spec.radius_m,
-            foreign: spec.foreign_speed_mps.is_some(),
-            arrived_s: None,
-            driven_m: 0.0,
-            omega_radps: 0.0,
-            omega_variation: 0.0,
-            progress: (spec.start, 0.0),
-            stalled: false,
-        };
+        Self::with_places(scenario, scenario.robots.len(), period_s)
+    }
+
+    /// The same with room for robots that are added during the run.
+    pub fn with_places(scenario: &Scenario, places: usize, period_s: f64) -> Self {
+        let n = places.max(scenario.robots.len());
+        let track = |spec: &RobotSpec| Track::new(&RobotState::at_start(spec), 0.0, &scenario.limits);
+        let mut tracks: Vec<Track> = scenario.robots.iter().map(track).collect();
+        tracks.resize(n, Track::VACANT);
         Self {
             period_s,
             plant: Integration::Exact,
             tolerance_m: scenario.tolerance_m,
             limits: scenario.limits,
             obstacles: scenario.obstacles.clone(),
-            tracks: scenario.robots.iter().map(track).collect(),
+            tracks,
             violated: vec![0; (n * (n + scenario.obstacles.len())).div_ceil(64)],
             violations: 0,
             min_clearance_m: f64::INFINITY,
@@ -162,12 +210,16 @@ impl Accumulator {
 
     /// Adds the period that starts at `tick` with `fleet` and its commands in force.
     ///
-    /// Ticks may have gaps: time is counted from tick 0. `fleet` is in the scenario's order.
+    /// Ticks may have gaps: time is counted from tick 0. `fleet` has a record for each place, in the
+    /// scenario's order. A robot that gets a new goal begins anew: arrival times and ratios are those of
+    /// the last goal.
     pub fn observe_period(&mut self, tick: u64, fleet: &[RobotState]) {
         let now_s = tick as f64 * self.period_s;
         self.steps += 1;
         for (track, state) in self.tracks.iter_mut().zip(fleet) {
-            track.goal_m = state.goal_m();
+            if !track.follow(state, now_s, &self.limits) {
+                continue;
+            }
             // Where a robot without a trusted state is, nobody knows.
             let inside = state.has(state_flags::VALID)
                 && (state.position_m() - track.goal_m).norm() <= self.tolerance_m;
@@ -178,8 +230,10 @@ impl Accumulator {
             track.omega_radps = state.omega_radps;
         }
         for i in 0..fleet.len().min(self.tracks.len()) {
-            self.pairs_of(i, fleet);
-            self.obstacles_of(i, fleet);
+            if self.tracks[i].id.is_some() {
+                self.pairs_of(i, fleet);
+                self.obstacles_of(i, fleet);
+            }
         }
     }
 
@@ -196,7 +250,7 @@ impl Accumulator {
         let a = &fleet[i];
         let arc = self.plant.path(&a.arc());
         for (j, b) in fleet.iter().enumerate().take(i) {
-            if self.tracks[i].foreign && self.tracks[j].foreign {
+            if self.tracks[j].id.is_none() || self.tracks[i].foreign && self.tracks[j].foreign {
                 continue;
             }
             let required = self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m;
@@ -249,7 +303,7 @@ impl Accumulator {
     }
 
     fn ours(&self) -> impl Iterator<Item = &Track> {
-        self.tracks.iter().filter(|t| !t.foreign)
+        self.tracks.iter().filter(|t| t.id.is_some() && !t.foreign)
     }
 
     /// Pairs that came closer than they may so far.
@@ -281,9 +335,9 @@ impl Accumulator {
             steps: self.steps,
             makespan_s: self.all_arrived().then(|| arrivals().map(|(_, s)| s).fold(0.0, f64::max)),
             mean_arrival_s: mean(&mut arrivals().map(|(_, s)| s)),
-            arrival_ratio: mean(&mut moved().map(|(t, s)| s * v_max / straight(t))),
+            arrival_ratio: mean(&mut moved().map(|(t, s)| (s - t.since_s) * v_max / straight(t))),
             arrival_ratio_after_turn: mean(
-                &mut moved().map(|(t, s)| (s - t.first_turn_s).max(0.0) * v_max / straight(t)),
+                &mut moved().map(|(t, s)| (s - t.since_s - t.first_turn_s).max(0.0) * v_max / straight(t)),
             ),
             path_ratio: mean(&mut moved().map(|(t, _)| t.driven_m / straight(t))),
             omega_variation_rad: mean(&mut self.ours().map(|t| t.omega_variation)).unwrap_or(0.0),

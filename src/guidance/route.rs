@@ -73,6 +73,11 @@ impl Route {
         Self { goal_m, nodes }
     }
 
+    /// Where it leads, m.
+    pub fn goal_m(&self) -> Vec2 {
+        self.goal_m
+    }
+
     /// Where to steer from `p`, and the route length left beyond that point.
     pub fn target(&self, p: Vec2, obstacles: &[ObstacleView]) -> (Vec2, f64) {
         if self.nodes.is_empty() || sees(p, self.goal_m, ROBOT_ROOM_M, obstacles) {

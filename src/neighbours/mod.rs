@@ -4,7 +4,7 @@
 //! a sort of those in range. The list has room for the whole fleet from the start, so nothing is
 //! ever truncated and nothing allocates.
 
-use crate::wire::RobotState;
+use crate::wire::{RobotState, state_flags};
 
 /// Another robot of the fleet, seen from one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +37,9 @@ impl Neighbourhood {
         self.list.clear();
         self.list.extend(fleet.iter().enumerate().filter(|(index, _)| *index != me).filter_map(
             |(index, other)| {
+                if other.has(state_flags::VACANT) {
+                    return None;
+                }
                 let squared = (other.position_m() - here).norm_squared();
                 (squared <= range_m * range_m).then(|| Nearby {
                     distance_m: squared.sqrt(),
@@ -65,5 +68,10 @@ mod tests {
         let ids: Vec<u32> = near.gather(&fleet, 1, 8.0).iter().map(|n| n.id).collect();
         assert_eq!(ids, [7, 4, 9]);
         assert!(near.gather(&fleet, 4, 8.0).is_empty());
+        // A free place is nobody.
+        let mut fleet = fleet;
+        fleet[0] = RobotState::vacant();
+        let ids: Vec<u32> = near.gather(&fleet, 1, 8.0).iter().map(|n| n.id).collect();
+        assert_eq!(ids, [7, 4]);
     }
 }

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::board::Board;
+use super::desk::Desk;
 use super::event_count::{SPIN_LEAD_NS, Waiting};
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
@@ -19,8 +20,8 @@ use crate::wire::{
 /// Period k, in this order (logical execution time):
 ///
 /// 1. wake at `t_k`; if whole periods have passed, go on with the one whose time it is;
-/// 2. ask the source for the poses at `t_k` and publish **one** state sample, which carries the
-///    commands committed for `[t_k, t_{k+1})`;
+/// 2. ask the source for the poses at `t_k`, carry out what operators asked for, and publish **one**
+///    state sample, which carries the commands committed for `[t_k, t_{k+1})`;
 /// 3. wake the workers and sleep until they are done, at most to the deadline `t_{k+1} − margin`;
 ///    with [`PublishAt::Deadline`] always to the deadline;
 /// 4. take what they staged and publish **one** command sample for `[t_{k+1}, t_{k+2})`; a robot
@@ -43,15 +44,20 @@ pub(super) struct ControlLoop<C: Clock> {
     pub(super) publish_at: PublishAt,
     pub(super) wakeup: Wakeup,
     pub(super) records: Arc<Pool<PeriodRecord>>,
+    pub(super) desk: Arc<Desk>,
     pub(super) memory: LoopMemory,
 }
 
 /// What the loop remembers from period to period, all of it made before the first.
 pub(super) struct LoopMemory {
-    states: Vec<RobotState>,
-    commands: Vec<RobotCommand>,
+    pub(super) states: Vec<RobotState>,
+    pub(super) commands: Vec<RobotCommand>,
     /// What the robots mean to do with `commands`.
-    intents: Vec<RobotIntent>,
+    pub(super) intents: Vec<RobotIntent>,
+    /// Bits of [`state_flags`] that hold the whole fleet.
+    pub(super) hold: u32,
+    /// Requests that were refused here, after they had been found good.
+    pub(super) refusals: u64,
     /// The period in which `commands` act, if they went out.
     committed: Option<u64>,
     send_failures: u64,
@@ -59,9 +65,13 @@ pub(super) struct LoopMemory {
 
 impl LoopMemory {
     pub(super) fn new(states: Vec<RobotState>) -> Self {
-        let commands = states.iter().map(|s| RobotCommand::stop(RobotId(s.id), StopReason::Start)).collect();
+        let first = |s: &RobotState| {
+            let vacant = s.has(state_flags::VACANT);
+            RobotCommand::stop(s.robot(), if vacant { StopReason::Vacant } else { StopReason::Start })
+        };
+        let commands = states.iter().map(first).collect();
         let intents = vec![RobotIntent::default(); states.len()];
-        Self { states, commands, intents, committed: None, send_failures: 0 }
+        Self { states, commands, intents, hold: 0, refusals: 0, committed: None, send_failures: 0 }
     }
 }
 
@@ -156,13 +166,14 @@ impl<C: Clock> ControlLoop<C> {
             state.intent = if in_force { *intent } else { resting(intent) };
         }
         self.source.observe(instant, &mut memory.states);
-        for state in &mut memory.states {
+        self.carry_out(tick, instant.now_ns);
+        let held = self.memory.hold;
+        for state in &mut self.memory.states {
             let arrived = (state.position_m() - state.goal_m()).norm() <= self.tolerance_m;
-            state.flags = if arrived && state.has(state_flags::VALID) {
-                state.flags | state_flags::ARRIVED
-            } else {
-                state.flags & !state_flags::ARRIVED
-            };
+            let there = arrived && state.has(state_flags::VALID);
+            state.flags &= !(state_flags::ARRIVED | state_flags::PAUSED | state_flags::STOPPED);
+            state.flags |= if there { state_flags::ARRIVED } else { 0 };
+            state.flags |= if state.has(state_flags::VACANT) { 0 } else { held };
         }
     }
 
@@ -190,18 +201,25 @@ impl<C: Clock> ControlLoop<C> {
             let staged = self.board.staging.take(index, tick);
             let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
             *command = match staged {
+                _ if state.has(state_flags::VACANT) => stop(StopReason::Vacant),
                 _ if state.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
+                _ if state.has(state_flags::STOPPED) => stop(StopReason::Stopped),
+                _ if state.has(state_flags::PAUSED) => stop(StopReason::Paused),
                 _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
                 None => stop(StopReason::Deadline),
                 Some((staged, _)) if staged.stop_reason != 0 => {
-                    RobotCommand { v_mps: 0.0, omega_radps: 0.0, ..staged }
+                    RobotCommand { id: state.id, v_mps: 0.0, omega_radps: 0.0, ..staged }
                 }
-                Some((staged, _)) if self.limits.admits(staged.command()) => staged,
+                Some((staged, _)) if self.limits.admits(staged.command()) => {
+                    RobotCommand { id: state.id, ..staged }
+                }
                 Some(_) => stop(StopReason::Unverified),
             };
             *intent = match staged {
                 Some((staged, meant))
-                    if state.has(state_flags::VALID) && staged.stop_reason == command.stop_reason =>
+                    if state.has(state_flags::VALID)
+                        && !state.is_held()
+                        && staged.stop_reason == command.stop_reason =>
                 {
                     meant
                 }
@@ -246,7 +264,9 @@ impl<C: Clock> ControlLoop<C> {
     /// A last command that acts at once and stops everybody.
     fn publish_stop(&mut self, tick: u64, reason: StopReason) {
         for command in &mut self.memory.commands {
-            *command = RobotCommand::stop(RobotId(command.id), reason);
+            if command.stop_reason != StopReason::Vacant as u32 {
+                *command = RobotCommand::stop(RobotId(command.id), reason);
+            }
         }
         let stamp_ns = self.clock.now_ns();
         self.send_commands(&CommandHeader {

@@ -5,12 +5,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::Until;
+use super::admin::{self, admin_thread};
 use super::answers::Answers;
 use super::board::Board;
 use super::decider::Decider;
+use super::desk::Desk;
 use super::driven::Driven;
 use super::error::DaemonError;
-use super::housekeeping::{Findings, Forecast, Housekeeper};
+use super::housekeeping::{Findings, Fleet, Forecast, Housekeeper};
 use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
@@ -19,13 +21,13 @@ use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
 use crate::config::{Config, SolverKind};
-use crate::controller::{ControllerError, RobotGroup, rows_max};
+use crate::controller::{ControllerError, RobotGroup, RouteShelf, rows_max};
 use crate::figures::Accumulator;
 use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
 use crate::report::{self, Report};
 use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::StopReason;
+use crate::wire::{NO_ROBOT, StopReason};
 
 /// How long threads may take to come home at the end.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -58,6 +60,7 @@ pub struct Daemon {
     loop_thread: Option<JoinHandle<Option<StopReason>>>,
     workers: Vec<JoinHandle<()>>,
     housekeeping: Option<JoinHandle<Option<Findings>>>,
+    admin: Option<JoinHandle<()>>,
 }
 
 impl Daemon {
@@ -71,8 +74,10 @@ impl Daemon {
             Some((recorder, auditor)) => (Some(recorder), Some(auditor)),
             None => (None, None),
         };
-        Self::start_audited(config, until, auditor, move |owned| {
-            let group = RobotGroup::new(&for_workers, owned)?;
+        let shelf = Arc::new(RouteShelf::new(config.places()));
+        let routes = Arc::clone(&shelf);
+        Self::start_audited(config, until, auditor, shelf, move |owned| {
+            let group = RobotGroup::new(&for_workers, owned)?.with_routes(Arc::clone(&routes));
             Ok::<_, ControllerError>(match &recorder {
                 Some(recorder) => group.audited_by(recorder.clone()),
                 None => group,
@@ -92,13 +97,15 @@ impl Daemon {
         E: std::fmt::Display,
         F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
     {
-        Self::start_audited(config, until, None, make)
+        let shelf = Arc::new(RouteShelf::new(config.places()));
+        Self::start_audited(config, until, None, shelf, make)
     }
 
     fn start_audited<D, E, F>(
         config: Config,
         until: Until,
         auditor: Option<Auditor<ClarabelSolver>>,
+        shelf: Arc<RouteShelf>,
         make: F,
     ) -> Result<Self, DaemonError>
     where
@@ -110,19 +117,22 @@ impl Daemon {
         realtime.add_memory(lock_memory(&config.realtime));
         let mut config = config;
         let robots = config.scenario.robots.len();
+        let places = config.places();
         let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
         // However many workers there are, others find a place beside them.
         let readers = &mut config.channel.max_readers;
         *readers = (*readers).max(placement.worker_cpus.len() + READERS_BESIDE_WORKERS);
         let config = Arc::new(config);
-        let ids = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
+        let mut ids: Vec<u32> = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
+        ids.resize(places, NO_ROBOT);
         let board = Arc::new(Board::new(ids, placement.worker_cpus.len(), config.realtime.wakeup));
         let transport = Transport::new(&config.fleet, &config.channel)?;
-        transport.check_room(robots)?;
+        transport.check_room(places)?;
         let common = Common {
             transport,
             config: Arc::clone(&config),
             board: Arc::clone(&board),
+            desk: Arc::new(Desk::new(admin::desk_size(&config))),
             // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
             // unlike the wall clock it cannot be set back.
             epoch: MonotonicClock.now_ns(),
@@ -135,8 +145,9 @@ impl Daemon {
             loop_thread: None,
             workers: Vec::new(),
             housekeeping: None,
+            admin: None,
         };
-        daemon.spawn_all(&common, until, &placement, auditor, make)?;
+        daemon.spawn_all(&common, until, &placement, auditor, shelf, make)?;
         Ok(daemon)
     }
 
@@ -146,6 +157,7 @@ impl Daemon {
         until: Until,
         placement: &Placement,
         auditor: Option<Auditor<ClarabelSolver>>,
+        shelf: Arc<RouteShelf>,
         make: F,
     ) -> Result<(), DaemonError>
     where
@@ -154,9 +166,9 @@ impl Daemon {
         F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
     {
         let config = Arc::clone(&self.config);
-        let robots = config.scenario.robots.len();
+        let (robots, places) = (config.scenario.robots.len(), config.places());
         let capacity = record_capacity(&config);
-        let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(robots)));
+        let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(places)));
         let (go, going) = sync_channel(1);
 
         // One channel a thread: a thread that dies before it is ready closes its own.
@@ -177,7 +189,7 @@ impl Daemon {
 
         let make = Arc::new(make);
         let mut solves = Vec::new();
-        for (index, owned) in shares(robots, placement.worker_cpus.len()).enumerate() {
+        for (index, owned) in shares(robots, places, placement.worker_cpus.len()).enumerate() {
             let records =
                 Arc::new(Pool::new(capacity, || SolveRecord::with_robots(owned.start, owned.len())));
             solves.push(Arc::clone(&records));
@@ -193,7 +205,31 @@ impl Daemon {
             return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
         }
         self.spawn_housekeeping(common, until, periods, solves, auditor)?;
+        self.spawn_admin(common, until, shelf)?;
         go.send(()).map_err(|_| DaemonError::Panicked { thread: "loop" })
+    }
+
+    fn spawn_admin(
+        &mut self,
+        common: &Common,
+        until: Until,
+        shelf: Arc<RouteShelf>,
+    ) -> Result<(), DaemonError> {
+        let shared = admin::Shared {
+            config: Arc::clone(&common.config),
+            board: Arc::clone(&common.board),
+            desk: Arc::clone(&common.desk),
+            shelf,
+            progress: Arc::clone(&self.progress),
+            realtime: self.realtime.clone(),
+            workers: self.workers.len(),
+            epoch: common.epoch,
+            until,
+        };
+        let (ready, readiness) = sync_channel(1);
+        let transport = common.transport.clone();
+        self.admin = Some(spawn("clearway-admin", move || admin_thread(&transport, shared, &ready))?);
+        readiness.recv().map_err(|_| DaemonError::Panicked { thread: "admin" })?
     }
 
     fn spawn_housekeeping(
@@ -209,7 +245,7 @@ impl Daemon {
         let (ready, readiness) = sync_channel(1);
         let thread = spawn("clearway-house", move || {
             let config = &common.config;
-            let robots = config.scenario.robots.len();
+            let robots = config.places();
             let period_s = config.timing.period_s();
             let prepared = (|| {
                 let node = common.transport.attach("clearwayd-house")?;
@@ -234,10 +270,12 @@ impl Daemon {
                 periods,
                 solves,
                 board: Arc::clone(&common.board),
-                accumulator: Accumulator::new(&config.scenario, period_s).on_plant(config.source.plant),
+                accumulator: Accumulator::with_places(&config.scenario, robots, period_s)
+                    .on_plant(config.source.plant),
                 driven: Driven::default(),
                 answers,
                 statistics,
+                fleet: Fleet::default(),
                 progress,
                 until,
                 settled: false,
@@ -287,6 +325,7 @@ impl Daemon {
         };
         let workers = self.workers.len();
         let hung = self.join_workers();
+        self.join_admin();
         Ok(self.report(findings, reason, workers, hung))
     }
 
@@ -295,6 +334,18 @@ impl Daemon {
         let end = Instant::now() + PATIENCE;
         // A panic in a worker was caught and counted inside.
         self.workers.drain(..).filter_map(|worker| join_until(worker, end).err()).count()
+    }
+
+    /// Waits for the thread that answers operators; one that builds a route among many obstacles is left
+    /// behind.
+    fn join_admin(&mut self) {
+        if let Some(thread) = self.admin.take() {
+            match join_until(thread, Instant::now() + PATIENCE) {
+                Ok(Ok(())) => {}
+                Ok(Err(_)) => tracing::error!("the thread that answers operators panicked"),
+                Err(_) => tracing::warn!("the thread that answers operators does not end"),
+            }
+        }
     }
 
     fn report(&self, findings: Findings, reason: StopReason, workers: usize, workers_hung: usize) -> Report {
@@ -347,6 +398,7 @@ impl Drop for Daemon {
             let _ = join_until(thread, end);
         }
         self.join_workers();
+        self.join_admin();
         if let Some(thread) = self.housekeeping.take() {
             let _ = join_until(thread, end);
         }

@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::Until;
-use super::answers::Answers;
+use super::answers::{Answer, Answers};
 use super::board::{Board, Released};
 use super::driven::Driven;
 use super::progress::Progress;
@@ -17,7 +17,10 @@ use crate::figures::Accumulator;
 use crate::model::Command;
 use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{CheckpointHeader, RobotCheckpoint, RobotTelemetry, StopReason, TelemetryHeader};
+use crate::wire::{
+    CheckpointHeader, RobotCheckpoint, RobotTelemetry, StopReason, TelemetryHeader, checkpoint_flags,
+    state_flags, telemetry_flags,
+};
 
 /// How often dead processes are cleaned up and changes are logged.
 const CHORES_EVERY: Duration = Duration::from_secs(1);
@@ -41,6 +44,7 @@ pub(super) struct Housekeeper {
     pub(super) driven: Driven,
     pub(super) answers: Answers,
     pub(super) statistics: Statistics,
+    pub(super) fleet: Fleet,
     pub(super) progress: Arc<Mutex<Progress>>,
     pub(super) until: Until,
     /// Every robot has arrived and stands, now and in the next period.
@@ -101,6 +105,7 @@ impl Housekeeper {
             forecast,
             auditor,
             driven,
+            fleet,
             ..
         } = self;
         let audit = auditor.as_ref().map(Auditor::report).unwrap_or_default();
@@ -124,6 +129,7 @@ impl Housekeeper {
                     }
                     accumulator.observe_period(period.header.tick, &period.states);
                     driven.remember(period, statistics.period_s);
+                    *fleet = Fleet::of(period, answers.get(period.header.tick));
                     *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);
                     publish_checkpoint(checkpoints, period, answers);
@@ -142,6 +148,11 @@ impl Housekeeper {
         self.statistics.fill(&mut progress);
         progress.wall_s = started.elapsed().as_secs_f64();
         progress.arrived = self.accumulator.arrived();
+        if self.statistics.ticks > 0 {
+            progress.robots = self.fleet.robots;
+            (progress.stalled, progress.unseen) = (self.fleet.stalled, self.fleet.unseen);
+            (progress.paused, progress.stopped) = (self.fleet.paused, self.fleet.stopped);
+        }
         progress.min_clearance_m = self.accumulator.min_clearance_m();
         progress.workers_silent = self.answers.watchdog.silent();
         progress.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
@@ -157,6 +168,35 @@ impl Housekeeper {
             );
         }
         self.statistics.log_changes(self.telemetry.discarded(), &self.board);
+    }
+}
+
+/// Who is how in the period that was recorded last.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Fleet {
+    robots: usize,
+    stalled: usize,
+    unseen: usize,
+    paused: bool,
+    stopped: bool,
+}
+
+impl Fleet {
+    fn of(period: &PeriodRecord, answer: Option<&Answer>) -> Self {
+        let mut fleet = Self::default();
+        for (index, state) in period.states.iter().enumerate() {
+            if state.has(state_flags::VACANT) {
+                continue;
+            }
+            let told = answer.and_then(|answer| answer.robots.get(index));
+            let stalled = told.is_some_and(|robot| robot.flags & telemetry_flags::STALLED != 0);
+            fleet.robots += 1;
+            fleet.stalled += usize::from(stalled && !state.has(state_flags::ARRIVED));
+            fleet.unseen += usize::from(!state.has(state_flags::VALID));
+            fleet.paused |= state.has(state_flags::PAUSED);
+            fleet.stopped |= state.has(state_flags::STOPPED);
+        }
+        fleet
     }
 }
 
@@ -241,7 +281,10 @@ fn publish_checkpoint(checkpoints: &mut Writer<RobotCheckpoint>, period: &Period
             if let Some(known) = answer.and_then(|a| a.checkpoints.get(index)) {
                 *robot = *known;
             }
-            robot.id = command.id;
+            // What was remembered may be another robot's, which stood there before.
+            if robot.flags & checkpoint_flags::ANSWERED == 0 {
+                robot.id = command.id;
+            }
         }
     });
     if sent.is_err() {

@@ -18,12 +18,15 @@
 //! Steady state, a period: the loop makes two allocations of 48 bytes (the loans of the next
 //! samples, after the commands are out), the workers none; neither locks, formats or logs.
 
+mod admin;
 mod answers;
 
 mod board;
+mod changes;
 mod control_loop;
 mod daemon;
 mod decider;
+mod desk;
 mod driven;
 mod error;
 mod event_count;

@@ -9,10 +9,20 @@ pub struct Progress {
     pub time_s: f64,
     /// Time since the start, s.
     pub wall_s: f64,
-    /// Robots of the fleet.
+    /// Robots of the fleet now.
     pub robots: usize,
     /// Robots that have arrived.
     pub arrived: usize,
+    /// Robots that have not made progress for more than a second, away from their goals.
+    pub stalled: usize,
+    /// Robots without a trusted state.
+    pub unseen: usize,
+    /// Whether the fleet is paused.
+    pub paused: bool,
+    /// Whether an operator stopped the fleet.
+    pub stopped: bool,
+    /// Periods that never ran.
+    pub skipped_periods: u64,
     /// Smallest clearance between any two so far, over continuous time, m.
     pub min_clearance_m: f64,
     /// How late the last period was released, ns.

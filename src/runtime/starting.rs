@@ -66,10 +66,14 @@ pub(super) fn wait(
     readiness.recv().unwrap_or(Err(DaemonError::Panicked { thread: "starting" }))
 }
 
-/// Contiguous shares of `robots` for `workers`, as equal as they can be.
-pub(super) fn shares(robots: usize, workers: usize) -> impl Iterator<Item = Range<usize>> {
+/// Contiguous shares of `robots` for `workers`, as equal as they can be. The last one gets the places
+/// beyond them as well.
+pub(super) fn shares(robots: usize, places: usize, workers: usize) -> impl Iterator<Item = Range<usize>> {
     let workers = workers.max(1);
-    (0..workers).map(move |w| w * robots / workers..(w + 1) * robots / workers)
+    (0..workers).map(move |w| {
+        let end = if w + 1 == workers { places.max(robots) } else { (w + 1) * robots / workers };
+        w * robots / workers..end
+    })
 }
 
 #[cfg(test)]
@@ -79,10 +83,11 @@ mod tests {
 
     #[test]
     fn shares_are_contiguous_and_nearly_equal() {
-        assert_eq!(shares(8, 3).collect::<Vec<_>>(), [0..2, 2..5, 5..8]);
-        assert_eq!(shares(2, 2).collect::<Vec<_>>(), [0..1, 1..2]);
-        assert!(shares(5, 0).eq(std::iter::once(0..5)));
-        assert_eq!(shares(1000, 7).map(|share| share.len()).sum::<usize>(), 1000);
+        assert_eq!(shares(8, 8, 3).collect::<Vec<_>>(), [0..2, 2..5, 5..8]);
+        assert_eq!(shares(2, 0, 2).collect::<Vec<_>>(), [0..1, 1..2]);
+        assert_eq!(shares(8, 12, 3).collect::<Vec<_>>(), [0..2, 2..5, 5..12]);
+        assert!(shares(5, 5, 0).eq(std::iter::once(0..5)));
+        assert_eq!(shares(1000, 1000, 7).map(|share| share.len()).sum::<usize>(), 1000);
     }
 
     #[test]

@@ -90,8 +90,8 @@ impl Statistics {
     pub(super) fn add_period(&mut self, period: &PeriodRecord, answer: Option<&Answer>) -> TelemetryHeader {
         let mut header = period.header;
         let missing = self.count_stops(period);
-        let foreign = |c: &&RobotCommand| c.stop_reason == StopReason::Foreign as u32;
-        let commanded = self.robots - period.commands.iter().filter(foreign).count() as u64;
+        let driven = |c: &&RobotCommand| StopReason::from_code(c.stop_reason).is_none_or(|r| !r.is_wanted());
+        let commanded = period.commands.iter().filter(driven).count() as u64;
         let stopped = if period.published { missing.stops } else { commanded };
         // The first skipped period was driven by commands that are counted where they were given; the
         // one that is recorded here was not, and takes its place.
@@ -118,11 +118,11 @@ impl Statistics {
         let mut missing = Missing { stops: 0, late: false };
         for command in period.commands.iter().filter(|command| command.stop_reason != 0) {
             let reason = StopReason::from_code(command.stop_reason);
-            if reason == Some(StopReason::Foreign) {
+            if matches!(reason, Some(StopReason::Foreign | StopReason::Vacant)) {
                 continue;
             }
             *self.stops.entry(reason.map_or("unknown", StopReason::name)).or_default() += 1;
-            missing.stops += 1;
+            missing.stops += u64::from(reason.is_none_or(|reason| !reason.is_wanted()));
             missing.late |= reason == Some(StopReason::Deadline);
         }
         missing
@@ -135,6 +135,7 @@ impl Statistics {
         progress.release_lateness_ns = self.last.release_lateness_ns;
         progress.release_lateness_max_ns = self.release_lateness.summary().max;
         progress.solve_p99_ns = self.solve.summary().p99;
+        progress.skipped_periods = self.skipped_periods;
         progress.deadline_misses = self.deadline_misses;
         progress.fallback_commands = self.fallback_commands;
         progress.rejected_inputs = self.rejections.total();

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex};
 use super::board::{Board, Released};
 use super::control_loop::{ControlLoop, LoopMemory};
 use super::decider::Decider;
+use super::desk::Desk;
 use super::threads::Common;
 use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
@@ -122,6 +123,7 @@ impl Rig {
             config: Arc::new(config.clone()),
             transport: transport.clone(),
             board: Arc::clone(&board),
+            desk: Arc::new(Desk::new(4)),
             epoch: 7,
         };
         let state = LockstepState { now_ns, schedule, board: Arc::clone(&board), ready };
@@ -170,6 +172,7 @@ impl Rig {
                 publish_at: config.timing.publish,
                 wakeup,
                 records: Arc::new(Pool::new(2, || PeriodRecord::with_robots(robots))),
+                desk: Arc::clone(&common.desk),
                 memory: LoopMemory::new(common.first_states()),
             };
             assert_eq!(control_loop.run(), StopReason::Finished);

@@ -6,6 +6,7 @@ use super::Until;
 use super::board::Board;
 use super::control_loop::{ControlLoop, LoopMemory};
 use super::decider::Decider;
+use super::desk::Desk;
 use super::error::DaemonError;
 use super::worker::Worker;
 use crate::channel::Transport;
@@ -32,12 +33,13 @@ pub(super) struct Common {
     pub(super) config: Arc<Config>,
     pub(super) transport: Transport,
     pub(super) board: Arc<Board>,
+    pub(super) desk: Arc<Desk>,
     pub(super) epoch: u64,
 }
 
 impl Common {
-    fn robots(&self) -> usize {
-        self.config.scenario.robots.len()
+    fn places(&self) -> usize {
+        self.config.places()
     }
 
     /// The first period that does not run any more.
@@ -56,9 +58,11 @@ impl Common {
         timing.ticks.unwrap_or(time_up)
     }
 
-    /// States before the first period: at the starts, at rest, not valid.
+    /// States before the first period: at the starts, at rest, not valid; then the free places.
     pub(super) fn first_states(&self) -> Vec<RobotState> {
-        self.config.scenario.robots.iter().map(RobotState::at_start).collect()
+        let mut states: Vec<_> = self.config.scenario.robots.iter().map(RobotState::at_start).collect();
+        states.resize_with(self.places(), RobotState::vacant);
+        states
     }
 }
 
@@ -75,11 +79,11 @@ pub(super) fn loop_thread(
     let prepared = (|| {
         let node = common.transport.attach("clearwayd")?;
         // The state channel's only writer is the fleet's owner.
-        let states = node.writer(common.robots())?;
-        let commands = node.writer(common.robots())?;
+        let states = node.writer(common.places())?;
+        let commands = node.writer(common.places())?;
         let observations = match config.source.kind {
             SourceKind::Plant => None,
-            SourceKind::Observation => Some(node.reader_or_create(common.robots())?),
+            SourceKind::Observation => Some(node.reader_or_create(common.places())?),
         };
         Ok::<_, DaemonError>((states, commands, observations))
     })();
@@ -101,8 +105,14 @@ pub(super) fn loop_thread(
     let start_ns = clock.now_ns() + (LEAD_PERIODS * period_ns).max(LEAD_NS_MIN);
     let scenario = &config.scenario;
     let source: Box<dyn StateSource> = match observations {
-        None => Box::new(Plant::new(scenario, period_ns, start_ns).moved_by(config.source.plant)),
-        Some(reader) => Box::new(Observed::new(reader, scenario, &config.source, period_ns)),
+        None => {
+            let plant = Plant::new(scenario, period_ns, start_ns).moved_by(config.source.plant);
+            Box::new(plant.with_places(common.places()))
+        }
+        Some(reader) => {
+            let places = common.places();
+            Box::new(Observed::with_places(reader, scenario, &config.source, period_ns, places))
+        }
     };
     // The workers' memory is mapped now and not in period 0.
     let _ = (states.connect(), commands.connect());
@@ -120,6 +130,7 @@ pub(super) fn loop_thread(
         publish_at: config.timing.publish,
         wakeup,
         records,
+        desk: Arc::clone(&common.desk),
         memory: LoopMemory::new(common.first_states()),
     };
     Some(control_loop.run())
@@ -159,7 +170,7 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
         wakeup,
         due_ns: 0,
         owned: owned.clone(),
-        robots: common.robots(),
+        robots: common.places(),
         epoch: common.epoch,
         states,
         board: Arc::clone(&common.board),

@@ -9,11 +9,11 @@ use std::ops::RangeInclusive;
 /// longer small against the clearance that is reported.
 const COORDINATE_MAX_M: f64 = 1e5;
 /// Largest radius and largest gap between bodies, m.
-const SIZE_MAX_M: f64 = 100.0;
+pub(crate) const SIZE_MAX_M: f64 = 100.0;
 /// Largest speed, m/s, and turn rate, rad/s.
 const RATE_MAX: f64 = 100.0;
 /// Two that touch up to this are apart, m: positions were rounded when they were written down.
-const ROUNDING_M: f64 = 1e-9;
+pub(crate) const ROUNDING_M: f64 = 1e-9;
 /// A reading stops here; more complaints would only repeat the same mistake.
 const FAULTS_MAX: usize = 8;
 

@@ -19,6 +19,7 @@ mod check;
 mod read;
 mod write;
 
+pub(crate) use check::{ROUNDING_M, SIZE_MAX_M};
 pub(crate) use read::read;
 
 use crate::document::{ConfigError, Document, Problem};

@@ -14,7 +14,7 @@ pub struct AdminRequest {
     pub expires_ns: u64,
     /// The run of the daemon that is meant; 0: whichever runs.
     pub epoch: u64,
-    /// Where the wanted piece of the configuration's text begins, bytes; 0 for the other kinds.
+    /// Where the wanted piece of a long text begins, bytes; 0 for kinds that answer none.
     pub offset: u64,
     /// Code of the [`AdminKind`].
     pub kind: u32,
@@ -69,7 +69,7 @@ pub struct AdminAnswer {
     pub robot: u32,
     /// Bits of [`admin_flags`].
     pub flags: u32,
-    /// Length of the configuration's whole text, bytes; 0 for the other kinds.
+    /// Length of the whole text, bytes, of which this answer may hold a piece.
     pub text_bytes: u64,
     /// Period that was recorded last.
     pub tick: u64,
@@ -175,8 +175,12 @@ named_codes! {
         Clear = 7, "clear";
         /// One more robot.
         AddRobot = 8, "add_robot";
-        /// One robot fewer.
+        /// One robot fewer. The others keep clear of it no longer: whoever asks answers for it that the
+        /// robot has been taken away.
         RemoveRobot = 9, "remove_robot";
+        /// Who is to go where? Answers the scenario as TOML, with today's robots, goals and obstacles,
+        /// from `offset` on.
+        Scenario = 10, "scenario";
     }
 }
 

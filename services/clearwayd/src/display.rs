@@ -224,6 +224,7 @@ mod tests {
             lost_records: 1234,
             workers_silent: 12,
             worker_panics: 12,
+            ..Progress::default()
         };
         let text = lines(&progress);
         assert!(

@@ -1,0 +1,172 @@
+//! For other processes: read along with a running daemon, tell it what was seen, and give it orders.
+//!
+//! A [`Client`] is one thread's membership in a fleet. From it come subscribers to what the daemon
+//! publishes, a publisher of observations, and an [`AdminClient`] for an operator's requests. Nothing
+//! here can slow the daemon down. World frame, metres, radians, `CLOCK_MONOTONIC` ns.
+//!
+//! ```no_run
+//! use clearway::attach::Client;
+//! use std::time::Duration;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let client = Client::connect("default")?;
+//! let mut states = client.states()?;
+//! if let Some(sample) = states.wait(Duration::from_secs(1))? {
+//!     for robot in sample.present() {
+//!         println!("{}: ({:.2}, {:.2}) m", robot.id, robot.x_m, robot.y_m);
+//!     }
+//! }
+//! client.admin()?.set_goal(3, 1.5, -2.0)?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod admin;
+mod observe;
+
+pub use admin::{AdminClient, AdminError, Done, Status};
+pub use observe::ObservationPublisher;
+
+use std::time::{Duration, Instant};
+
+use crate::channel::{Attachment, ChannelError, Reader, Received, Record, Transport};
+use crate::config::ChannelConfig;
+use crate::wire::{RobotCommand, RobotState, RobotTelemetry};
+
+/// Between two looks at a channel.
+const LOOK_EVERY: Duration = Duration::from_micros(200);
+
+/// A thread's membership in a fleet. What it hands out stays in the thread that asked for it.
+#[derive(Debug)]
+pub struct Client {
+    node: Attachment,
+    fleet: String,
+}
+
+impl Client {
+    /// Joins a fleet whose daemon runs. `CLEARWAY_IOX2_PREFIX` and `CLEARWAY_IOX2_ROOT` say where its
+    /// channels live, if they are set.
+    ///
+    /// # Errors
+    /// [`ChannelError::NoDaemon`] when none runs; the reasons for which shared memory cannot be joined.
+    pub fn connect(fleet: &str) -> Result<Self, ChannelError> {
+        Self::connect_at(fleet, &ChannelConfig::default().with_environment())
+    }
+
+    /// The same for channels that live where `location` says.
+    ///
+    /// # Errors
+    /// Those of [`Client::connect`].
+    pub fn connect_at(fleet: &str, location: &ChannelConfig) -> Result<Self, ChannelError> {
+        let transport = Transport::new(fleet, location)?;
+        let client = Self { node: transport.attach("client")?, fleet: fleet.to_owned() };
+        if client.node.has_daemon() {
+            return Ok(client);
+        }
+        Err(ChannelError::NoDaemon { service: transport.service_name(RobotState::CHANNEL) })
+    }
+
+    /// The same, and waits for the daemon to start if it has to.
+    ///
+    /// # Errors
+    /// Those of [`Client::connect`], after `patience`.
+    pub fn wait_for(fleet: &str, patience: Duration) -> Result<Self, ChannelError> {
+        let end = Instant::now() + patience;
+        loop {
+            match Self::connect(fleet) {
+                Err(ChannelError::NoDaemon { .. }) if Instant::now() < end => {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                result => return result,
+            }
+        }
+    }
+
+    /// The fleet's name.
+    pub fn fleet(&self) -> &str {
+        &self.fleet
+    }
+
+    /// The fleet's states, one sample a period.
+    ///
+    /// # Errors
+    /// [`ChannelError::Schema`] when the daemon speaks another version, [`ChannelError::Port`] when there
+    /// is no place for another reader.
+    pub fn states(&self) -> Result<Subscriber<RobotState>, ChannelError> {
+        self.node.reader().map(|reader| Subscriber { reader })
+    }
+
+    /// The fleet's commands, one sample a period.
+    ///
+    /// # Errors
+    /// Those of [`Client::states`].
+    pub fn commands(&self) -> Result<Subscriber<RobotCommand>, ChannelError> {
+        self.node.reader().map(|reader| Subscriber { reader })
+    }
+
+    /// How each period went.
+    ///
+    /// # Errors
+    /// Those of [`Client::states`].
+    pub fn telemetry(&self) -> Result<Subscriber<RobotTelemetry>, ChannelError> {
+        self.node.reader().map(|reader| Subscriber { reader })
+    }
+
+    /// A publisher of what is seen of `robots` robots, for a daemon with `source.kind = "observation"`.
+    ///
+    /// # Errors
+    /// [`ChannelError::NoDaemon`] when the daemon does not listen to observations, and those of
+    /// [`Client::states`].
+    pub fn observations(&self, robots: usize) -> Result<ObservationPublisher, ChannelError> {
+        ObservationPublisher::new(&self.node, robots)
+    }
+
+    /// For an operator's requests, answered within [`AdminClient::TIMEOUT`] unless another time is set.
+    ///
+    /// # Errors
+    /// Those of [`Client::states`].
+    pub fn admin(&self) -> Result<AdminClient, ChannelError> {
+        AdminClient::new(&self.node)
+    }
+}
+
+/// Reads what the daemon publishes, in place.
+#[derive(Debug)]
+pub struct Subscriber<R: Record> {
+    reader: Reader<R>,
+}
+
+impl<R: Record> Subscriber<R> {
+    /// The oldest sample that has not been read, if there is one. Does not wait.
+    ///
+    /// # Errors
+    /// [`ChannelError::Transfer`] when too many samples are held.
+    #[expect(clippy::should_implement_trait, reason = "an iterator would end at the first gap")]
+    pub fn next(&mut self) -> Result<Option<Received<R>>, ChannelError> {
+        self.reader.next()
+    }
+
+    /// The newest sample, if any arrived; drops those before it. Does not wait.
+    ///
+    /// # Errors
+    /// Those of [`Subscriber::next`].
+    pub fn newest(&mut self) -> Result<Option<Received<R>>, ChannelError> {
+        self.reader.newest()
+    }
+
+    /// The oldest sample that has not been read, waited for at most `patience`: `None` after that, as
+    /// when the daemon has ended.
+    ///
+    /// # Errors
+    /// Those of [`Subscriber::next`].
+    pub fn wait(&mut self, patience: Duration) -> Result<Option<Received<R>>, ChannelError> {
+        let end = Instant::now() + patience;
+        loop {
+            let found = self.reader.next()?;
+            if found.is_some() || Instant::now() >= end {
+                return Ok(found);
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+}

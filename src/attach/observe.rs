@@ -1,0 +1,51 @@
+use crate::channel::{Attachment, ChannelError, StateReader, Writer};
+use crate::geometry::Pose;
+use crate::model::RobotId;
+use crate::wire::RobotObservation;
+
+/// Tells the daemon where robots are. Keeps the sequence and follows the daemon's epoch.
+#[derive(Debug)]
+pub struct ObservationPublisher {
+    writer: Writer<RobotObservation>,
+    states: StateReader,
+    robots: usize,
+    epoch: u64,
+    sequence: u64,
+}
+
+impl ObservationPublisher {
+    pub(super) fn new(node: &Attachment, robots: usize) -> Result<Self, ChannelError> {
+        let (writer, states) = (node.observer(robots)?, node.reader()?);
+        Ok(Self { writer, states, robots, epoch: 0, sequence: 0 })
+    }
+
+    /// Publishes the poses that were true at `stamp_ns`, `CLOCK_MONOTONIC` ns: one for each robot that
+    /// the publisher was made for, in the world frame, m and rad.
+    ///
+    /// # Errors
+    /// [`ChannelError::Transfer`] for another number of poses, and when a reader could not be reached;
+    /// [`ChannelError::NotLoaned`] when shared memory is exhausted.
+    pub fn publish(&mut self, stamp_ns: u64, poses: &[(RobotId, Pose)]) -> Result<(), ChannelError> {
+        if poses.len() != self.robots {
+            let reason = "there have to be as many poses as the publisher was made for";
+            return Err(ChannelError::Transfer { channel: "observation", reason });
+        }
+        if let Some(sample) = self.states.newest()? {
+            self.epoch = sample.header().epoch;
+        }
+        self.sequence += 1;
+        let (epoch, sequence) = (self.epoch, self.sequence);
+        self.writer.publish(|header, records| {
+            (header.epoch, header.sequence, header.stamp_ns) = (epoch, sequence, stamp_ns);
+            for (record, (id, pose)) in records.iter_mut().zip(poses) {
+                *record = RobotObservation {
+                    id: id.0,
+                    reserved: 0,
+                    x_m: pose.position_m.x,
+                    y_m: pose.position_m.y,
+                    theta_rad: pose.theta_rad,
+                };
+            }
+        })
+    }
+}

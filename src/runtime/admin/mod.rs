@@ -1,0 +1,408 @@
+//! The thread that answers operators.
+//!
+//! Requests are checked here, where there is time to allocate, to format and to build routes; what they
+//! change waits on the [`Desk`] for the loop, which carries it out at the start of the next period. No
+//! more waits there than one period takes, and no client has more than its share; what goes beyond is
+//! answered busy at once. So a flood costs this thread some time and the period nothing.
+
+mod answer;
+mod plan;
+mod refusal;
+
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::Until;
+use super::board::{Board, Released};
+use super::desk::{Batch, Change, Desk, Outcome};
+use super::error::DaemonError;
+use super::progress::Progress;
+use crate::channel::{AdminServer, Asked, Attached, Attachment, Transport};
+use crate::clock::{Clock, MonotonicClock};
+use crate::config::Config;
+use crate::controller::{PreparedRoute, RouteShelf};
+use crate::realtime::Achieved;
+use crate::wire::{AdminCode, AdminKind, NO_ROBOT, RobotState, state_flags};
+use answer::{Facts, Tally};
+use plan::Plan;
+use refusal::Refusal;
+
+/// Requests looked at in one round.
+const REQUESTS_A_ROUND: usize = 64;
+/// Of these, the ones that want more than a line: who is attached, a long text.
+const QUERIES_A_ROUND: usize = 16;
+/// A request may expire at most this far ahead, ns.
+const EXPIRY_MAX_NS: u64 = 60_000_000_000;
+/// How long it is remembered who is attached.
+const ATTACHED_FOR: Duration = Duration::from_millis(200);
+
+/// A request whose changes are with the loop.
+struct Pending {
+    key: u64,
+    asked: Asked,
+}
+
+/// A request's changes that are with the loop.
+struct UnderWay {
+    key: u64,
+    client: u128,
+    refusals_known: u64,
+    changes: Vec<Change>,
+}
+
+/// The thread's state.
+struct Admin {
+    node: Attachment,
+    server: AdminServer,
+    shared: Shared,
+    plan: Plan,
+    /// The plan without what is still with the loop.
+    carried_out: Plan,
+    /// What is with the loop, in its order.
+    under_way: Vec<UnderWay>,
+    pending: Vec<Pending>,
+    next_key: u64,
+    refusals_known: u64,
+    tally: Tally,
+    attached: Option<(Instant, Attached)>,
+    started: Instant,
+}
+
+/// What the thread shares with the others.
+pub(super) struct Shared {
+    pub(super) config: Arc<Config>,
+    pub(super) board: Arc<Board>,
+    pub(super) desk: Arc<Desk>,
+    pub(super) shelf: Arc<RouteShelf>,
+    pub(super) progress: Arc<Mutex<Progress>>,
+    pub(super) realtime: Achieved,
+    pub(super) workers: usize,
+    pub(super) epoch: u64,
+    pub(super) until: Until,
+}
+
+/// Batches that the desk has room for: what a period carries out, and a stop, which is never busy.
+pub(super) fn desk_size(config: &Config) -> usize {
+    config.admin.changes_per_period + 1
+}
+
+/// The thread: makes its port, says so, answers until the run is over.
+pub(super) fn admin_thread(
+    transport: &Transport,
+    shared: Shared,
+    ready: &SyncSender<Result<(), DaemonError>>,
+) {
+    let prepared = (|| {
+        let node = transport.attach("clearwayd-admin")?;
+        let server = node.admin_server(shared.config.admin.max_clients)?;
+        Ok::<_, DaemonError>((node, server))
+    })();
+    match prepared {
+        Ok((node, server)) => {
+            let _ = ready.send(Ok(()));
+            Admin::new(node, server, shared).run();
+        }
+        Err(e) => {
+            let _ = ready.send(Err(e));
+        }
+    }
+}
+
+impl Admin {
+    fn new(node: Attachment, server: AdminServer, shared: Shared) -> Self {
+        let plan = Plan::new(&shared.config);
+        Self {
+            node,
+            server,
+            carried_out: plan.clone(),
+            plan,
+            shared,
+            under_way: Vec::new(),
+            pending: Vec::new(),
+            next_key: 0,
+            refusals_known: 0,
+            tally: Tally::default(),
+            attached: None,
+            started: Instant::now(),
+        }
+    }
+
+    /// Answers until the run is over.
+    fn run(mut self) {
+        // A look at an empty channel takes a microsecond.
+        let pause = Duration::from_nanos(self.shared.config.timing.period_ns / 4)
+            .clamp(Duration::from_millis(1), Duration::from_millis(5));
+        loop {
+            let over = self.shared.board.released(None) == Released::Over;
+            self.settle();
+            self.serve(over);
+            if over {
+                for Pending { asked, .. } in std::mem::take(&mut self.pending) {
+                    self.refuse(asked, &ending());
+                }
+                return;
+            }
+            std::thread::sleep(pause);
+        }
+    }
+
+    /// Answers what has come back from the loop.
+    fn settle(&mut self) {
+        while let Some(batch) = self.shared.desk.done.pop() {
+            let Some(at) = self.under_way.iter().position(|one| one.key == batch.key) else { continue };
+            self.under_way.remove(at);
+            if let Outcome::Done { .. } = batch.outcome {
+                batch.changes.iter().for_each(|change| self.carried_out.apply(change));
+            }
+            self.refusals_known +=
+                u64::from(matches!(batch.outcome, Outcome::Expired | Outcome::TooClose { .. }));
+            self.plan_anew();
+            let (mine, others) = std::mem::take(&mut self.pending)
+                .into_iter()
+                .partition(|pending: &Pending| pending.key == batch.key);
+            self.pending = others;
+            for Pending { asked, .. } in mine {
+                self.tell(asked, &batch);
+            }
+        }
+    }
+
+    /// What was carried out, and what will be. The loop does not carry out what was checked before it
+    /// refused something.
+    fn plan_anew(&mut self) {
+        self.plan = self.carried_out.clone();
+        for one in &self.under_way {
+            if one.refusals_known == self.refusals_known || is_hold(&one.changes) {
+                one.changes.iter().for_each(|change| self.plan.apply(change));
+            }
+        }
+    }
+
+    fn tell(&mut self, asked: Asked, batch: &Batch) {
+        let refusal = match batch.outcome {
+            Outcome::Done { tick } => {
+                log_change(asked.header().kind, tick, &batch.changes);
+                return self.done(asked, tick + 1, "");
+            }
+            Outcome::Expired => expired(),
+            Outcome::Waiting | Outcome::Outdated => {
+                Refusal::fleet(AdminCode::Busy, "the fleet changed meanwhile: try again".to_owned())
+            }
+            Outcome::TooClose { id } => {
+                let text = format!("it would stand too close to robot {id}, or in its way of this period");
+                Refusal::of(id, AdminCode::TooClose, text)
+            }
+        };
+        self.refuse(asked, &refusal);
+    }
+
+    fn serve(&mut self, over: bool) {
+        let mut queries = 0;
+        for _ in 0..REQUESTS_A_ROUND {
+            let Ok(Some(asked)) = self.server.next() else { return };
+            if over {
+                self.refuse(asked, &ending());
+                continue;
+            }
+            let kind = match self.check(&asked) {
+                Ok(kind) => kind,
+                Err(refusal) => {
+                    self.refuse(asked, &refusal);
+                    continue;
+                }
+            };
+            match kind {
+                AdminKind::Status | AdminKind::Configuration | AdminKind::Scenario => {
+                    queries += 1;
+                    if queries > QUERIES_A_ROUND {
+                        self.refuse(asked, &busy("too many questions at a time"));
+                    } else {
+                        self.inform(asked, kind);
+                    }
+                }
+                _ => self.accept(asked, kind),
+            }
+        }
+    }
+
+    /// Whether a request is to be looked at at all.
+    fn check(&self, asked: &Asked) -> Result<AdminKind, Refusal> {
+        let header = asked.header();
+        let now_ns = MonotonicClock.now_ns();
+        if now_ns >= header.expires_ns {
+            return Err(expired());
+        }
+        if header.expires_ns - now_ns > EXPIRY_MAX_NS {
+            return Err(Refusal::malformed("a request has to expire within a minute"));
+        }
+        if header.epoch != 0 && header.epoch != self.shared.epoch {
+            let text = format!("another run is meant: this one has the epoch {}", self.shared.epoch);
+            return Err(Refusal::fleet(AdminCode::OtherEpoch, text));
+        }
+        let kind = AdminKind::from_code(header.kind);
+        kind.ok_or_else(|| Refusal::malformed(&format!("there is no request of kind {}", header.kind)))
+    }
+
+    /// Passes a request that changes something on to the loop, if it is sound.
+    fn accept(&mut self, asked: Asked, kind: AdminKind) {
+        if kind == AdminKind::Stop {
+            // One that is under way already serves for this one too.
+            let stop = Change::Hold { set: state_flags::STOPPED, clear: 0 };
+            let same = self.under_way.iter().find(|one| one.changes[..] == [stop]).map(|one| one.key);
+            if let Some(key) = same {
+                self.pending.push(Pending { key, asked });
+                return;
+            }
+        } else {
+            // A period takes this many; a client half of them, so that another one finds room.
+            let most = self.shared.config.admin.changes_per_period;
+            let mine = self.under_way.iter().filter(|one| one.client == asked.client()).count();
+            let all = self.under_way.iter().filter(|one| !is_stop(&one.changes)).count();
+            if all >= most || mine >= most.div_ceil(2) {
+                self.refuse(asked, &busy("too many changes in one period"));
+                return;
+            }
+        }
+        let changes = if asked.len() > self.plan.capacity() {
+            Err(Refusal::malformed("the request is about more robots than the fleet has room for"))
+        } else {
+            self.plan.changes(kind, &asked.robots())
+        };
+        match changes {
+            Ok(changes) => self.pass_on(asked, changes),
+            Err(refusal) => self.refuse(asked, &refusal),
+        }
+    }
+
+    fn pass_on(&mut self, asked: Asked, changes: Vec<Change>) {
+        for change in &changes {
+            self.plan.apply(change);
+        }
+        self.prepare_routes(&changes);
+        let key = self.next_key;
+        let batch = Batch {
+            key,
+            expires_ns: asked.header().expires_ns,
+            refusals_known: self.refusals_known,
+            changes: changes.clone(),
+            outcome: Outcome::Waiting,
+        };
+        if self.shared.desk.todo.push(Box::new(batch)).is_err() {
+            // Answers that nobody fetched yet take the room of a stop.
+            self.refuse(asked, &busy("too many changes in one period"));
+            self.plan_anew();
+            return;
+        }
+        self.next_key += 1;
+        let (client, refusals_known) = (asked.client(), self.refusals_known);
+        self.under_way.push(UnderWay { key, client, refusals_known, changes });
+        self.pending.push(Pending { key, asked });
+    }
+
+    /// Builds what the workers will need, before the loop tells them.
+    fn prepare_routes(&self, changes: &[Change]) {
+        let scenario = &self.shared.config.scenario;
+        for change in changes {
+            let (Change::Goal { place, .. } | Change::Add { place, .. }) = *change else { continue };
+            let Some(robot) = self.plan.robot(place) else { continue };
+            let robot = RobotState::at_start(robot);
+            let margin_m = scenario.limits.safety_margin_m;
+            self.shared.shelf.put(place, PreparedRoute::build(&scenario.obstacles, margin_m, &robot));
+        }
+    }
+
+    /// Answers a request that changes nothing.
+    fn inform(&mut self, asked: Asked, kind: AdminKind) {
+        if !asked.is_empty() {
+            self.refuse(asked, &Refusal::malformed("this request is about no robot"));
+            return;
+        }
+        let text = match kind {
+            AdminKind::Configuration => self.shared.config.to_toml(),
+            AdminKind::Scenario => self.carried_out.scenario(&self.shared.config.scenario).to_toml(),
+            _ => self.shared.realtime.degraded.join("\n"),
+        };
+        self.done(asked, 0, &text);
+    }
+
+    fn done(&mut self, asked: Asked, acts_from_tick: u64, text: &str) {
+        self.tally.done += 1;
+        let facts = self.facts();
+        let offset = usize::try_from(asked.header().offset).unwrap_or(usize::MAX);
+        let piece = text.as_bytes().get(offset..).unwrap_or_default();
+        let header = facts.answer(asked.header(), AdminCode::Done, NO_ROBOT, acts_from_tick, text.len());
+        send(asked, &header, piece);
+    }
+
+    fn refuse(&mut self, asked: Asked, refusal: &Refusal) {
+        if refusal.code == AdminCode::Busy {
+            self.tally.busy += 1;
+        } else {
+            self.tally.refused += 1;
+            tracing::info!(
+                kind = AdminKind::from_code(asked.header().kind).map_or("unknown", AdminKind::name),
+                code = refusal.code.name(),
+                "refused: {}",
+                refusal.text
+            );
+        }
+        let header = self.facts().answer(asked.header(), refusal.code, refusal.robot, 0, refusal.text.len());
+        send(asked, &header, refusal.text.as_bytes());
+    }
+
+    fn facts(&mut self) -> Facts<'_> {
+        let fresh = self.attached.is_some_and(|(at, _)| at.elapsed() < ATTACHED_FOR);
+        if !fresh {
+            self.attached = Some((Instant::now(), self.node.attached()));
+        }
+        let progress = self.shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Facts {
+            progress,
+            hold: self.carried_out.hold(),
+            robots: self.carried_out.robots().count(),
+            capacity: self.carried_out.capacity(),
+            attached: self.attached.map(|(_, attached)| attached).unwrap_or_default(),
+            uptime: self.started.elapsed(),
+            tally: self.tally,
+            worker_panics: self.shared.board.worker_panics.load(Ordering::Relaxed),
+            shared: &self.shared,
+        }
+    }
+}
+
+fn is_hold(changes: &[Change]) -> bool {
+    changes.iter().all(|change| matches!(change, Change::Hold { .. }))
+}
+
+fn is_stop(changes: &[Change]) -> bool {
+    matches!(changes, [Change::Hold { set: state_flags::STOPPED, .. }])
+}
+
+fn busy(text: &str) -> Refusal {
+    Refusal::fleet(AdminCode::Busy, format!("{text}: try again after a period"))
+}
+
+fn expired() -> Refusal {
+    Refusal::fleet(AdminCode::Expired, "the request had expired before it could be carried out".to_owned())
+}
+
+fn ending() -> Refusal {
+    Refusal::fleet(AdminCode::Ending, "the run is ending".to_owned())
+}
+
+fn send(asked: Asked, header: &crate::wire::AdminAnswer, text: &[u8]) {
+    if let Err(e) = asked.answer(header, text) {
+        tracing::debug!("an operator's answer is lost: {e}");
+    }
+}
+
+fn log_change(kind: u32, tick: u64, changes: &[Change]) {
+    let kind = AdminKind::from_code(kind).map_or("unknown", AdminKind::name);
+    match changes {
+        [Change::Goal { .. }, ..] => tracing::debug!(tick, robots = changes.len(), "{kind}"),
+        [Change::Add { robot, .. }] => tracing::info!(tick, robot = robot.id.0, "{kind}"),
+        _ => tracing::info!(tick, "{kind}"),
+    }
+}

@@ -1,0 +1,368 @@
+use super::refusal::Refusal;
+use crate::config::Config;
+use crate::geometry::{Pose, Vec2};
+use crate::model::{Limits, Obstacle, RobotId, RobotSpec};
+use crate::runtime::desk::Change;
+use crate::scenario::{ROUNDING_M, SIZE_MAX_M, Scenario};
+use crate::wire::{AdminCode, AdminKind, AdminRobot, NO_ROBOT, state_flags};
+
+/// The fleet as it will be once everything that was accepted is carried out: what requests are checked
+/// against.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    places: Vec<Option<RobotSpec>>,
+    hold: u32,
+    limits: Limits,
+    obstacles: Vec<Obstacle>,
+    arena_m: f64,
+}
+
+impl Plan {
+    pub(super) fn new(config: &Config) -> Self {
+        let scenario = &config.scenario;
+        let mut places: Vec<_> = scenario.robots.iter().copied().map(Some).collect();
+        places.resize(config.places(), None);
+        Self {
+            places,
+            hold: 0,
+            limits: scenario.limits,
+            obstacles: scenario.obstacles.clone(),
+            arena_m: config.source.arena_m,
+        }
+    }
+
+    /// Places, taken or not.
+    pub(super) fn capacity(&self) -> usize {
+        self.places.len()
+    }
+
+    pub(super) fn robots(&self) -> impl Iterator<Item = &RobotSpec> {
+        self.places.iter().flatten()
+    }
+
+    /// Bits of [`state_flags`] that hold the fleet.
+    pub(super) fn hold(&self) -> u32 {
+        self.hold
+    }
+
+    pub(super) fn robot(&self, place: usize) -> Option<&RobotSpec> {
+        self.places.get(place)?.as_ref()
+    }
+
+    /// The scenario as it is now, in ascending order of id.
+    pub(super) fn scenario(&self, start: &Scenario) -> Scenario {
+        let mut robots: Vec<RobotSpec> = self.robots().copied().collect();
+        robots.sort_by_key(|robot| robot.id);
+        Scenario { robots, ..start.clone() }
+    }
+
+    /// Takes a change as carried out.
+    pub(super) fn apply(&mut self, change: &Change) {
+        match *change {
+            Change::Goal { place, goal_m } => {
+                if let Some(Some(robot)) = self.places.get_mut(place) {
+                    robot.goal_m = goal_m;
+                }
+            }
+            Change::Hold { set, clear } => self.hold = self.hold & !clear | set,
+            Change::Add { place, robot } => self.put(place, Some(robot)),
+            Change::Remove { place } => self.put(place, None),
+        }
+    }
+
+    fn put(&mut self, place: usize, robot: Option<RobotSpec>) {
+        if let Some(slot) = self.places.get_mut(place) {
+            *slot = robot;
+        }
+    }
+
+    /// What a request of a kind that changes something comes to.
+    ///
+    /// # Errors
+    /// Why it cannot be carried out.
+    pub(super) fn changes(&self, kind: AdminKind, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
+        let (paused, stopped) = (state_flags::PAUSED, state_flags::STOPPED);
+        let hold = |set, clear| {
+            let none = records.is_empty();
+            let changes = vec![Change::Hold { set, clear }];
+            if none { Ok(changes) } else { Err(Refusal::malformed("this request is about no robot")) }
+        };
+        match kind {
+            AdminKind::SetGoals => self.goals(records),
+            AdminKind::AddRobot => self.add(records),
+            AdminKind::RemoveRobot => self.remove(records),
+            AdminKind::Pause => hold(paused, 0),
+            AdminKind::Stop => hold(stopped, 0),
+            // Nobody moves because a latch is taken off: that takes a resume.
+            AdminKind::Clear if self.hold & stopped != 0 => hold(paused, stopped),
+            AdminKind::Clear => hold(0, stopped),
+            AdminKind::Resume if self.hold & stopped != 0 => Err(Refusal::fleet(
+                AdminCode::Stopped,
+                "the fleet was stopped by an operator: clear that first, then resume".to_owned(),
+            )),
+            AdminKind::Resume => hold(0, paused),
+            AdminKind::Status | AdminKind::Configuration | AdminKind::Scenario => {
+                Err(Refusal::malformed("this request changes nothing"))
+            }
+        }
+    }
+
+    fn goals(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
+        if records.is_empty() || records.len() > self.capacity() {
+            return Err(Refusal::malformed("goals for one robot or several, at most for all, are needed"));
+        }
+        let mut after = self.clone();
+        let mut changes: Vec<Change> = Vec::with_capacity(records.len());
+        for record in records {
+            let (place, robot) = self.find(record.id)?;
+            let goal_m = Vec2::new(record.goal_x_m, record.goal_y_m);
+            self.check_point(robot.id, robot.radius_m, goal_m, "the goal")?;
+            if changes.iter().any(|change| matches!(change, Change::Goal { place: p, .. } if *p == place)) {
+                return Err(Refusal::of(
+                    record.id,
+                    AdminCode::RepeatedRobot,
+                    format!("robot {} stands in the request twice", record.id),
+                ));
+            }
+            let change = Change::Goal { place, goal_m };
+            after.apply(&change);
+            changes.push(change);
+        }
+        for change in &changes {
+            if let Change::Goal { place, .. } = change {
+                after.check_goal_is_free(*place)?;
+            }
+        }
+        Ok(changes)
+    }
+
+    fn add(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
+        let [record] = records else { return Err(Refusal::malformed("one robot at a time is added")) };
+        let id = record.id;
+        if id == NO_ROBOT || self.robots().any(|robot| robot.id.0 == id) {
+            return Err(Refusal::of(id, AdminCode::TakenId, format!("the id {id} is taken: choose another")));
+        }
+        if !(record.radius_m > 0.0 && record.radius_m <= SIZE_MAX_M) {
+            let text = format!(
+                "the radius of robot {id} has to be above 0 and at most {SIZE_MAX_M} m, is {}",
+                record.radius_m
+            );
+            return Err(Refusal::of(id, AdminCode::BadRadius, text));
+        }
+        if !record.start_theta_rad.is_finite() {
+            return Err(Refusal::of(
+                id,
+                AdminCode::NotFinite,
+                format!("the heading of robot {id} is not finite"),
+            ));
+        }
+        let start = Pose::new(record.start_x_m, record.start_y_m, record.start_theta_rad);
+        let goal_m = Vec2::new(record.goal_x_m, record.goal_y_m);
+        let robot =
+            RobotSpec { id: RobotId(id), radius_m: record.radius_m, start, goal_m, foreign_speed_mps: None };
+        self.check_point(robot.id, robot.radius_m, start.position_m, "the start")?;
+        self.check_point(robot.id, robot.radius_m, goal_m, "the goal")?;
+        let Some(place) = self.free_place() else {
+            let text = format!(
+                "the fleet has room for {} robots, all there: remove one, or start with a larger admin.capacity",
+                self.capacity()
+            );
+            return Err(Refusal::of(id, AdminCode::Full, text));
+        };
+        let change = Change::Add { place, robot };
+        let mut after = self.clone();
+        after.apply(&change);
+        after.check_goal_is_free(place)?;
+        Ok(vec![change])
+    }
+
+    fn remove(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
+        let [record] = records else { return Err(Refusal::malformed("one robot at a time is removed")) };
+        self.find(record.id).map(|(place, _)| vec![Change::Remove { place }])
+    }
+
+    /// The first place that is free.
+    fn free_place(&self) -> Option<usize> {
+        self.places.iter().position(Option::is_none)
+    }
+
+    /// A robot that takes commands, and its place.
+    fn find(&self, id: u32) -> Result<(usize, &RobotSpec), Refusal> {
+        let mut taken =
+            self.places.iter().enumerate().filter_map(|(place, robot)| Some((place, robot.as_ref()?)));
+        let Some(found) = taken.find(|(_, robot)| robot.id.0 == id) else {
+            let text = format!("there is no robot {id} in the fleet");
+            return Err(Refusal::of(id, AdminCode::UnknownRobot, text));
+        };
+        if found.1.foreign_speed_mps.is_some() {
+            let text = format!("robot {id} is a foreign one: it is only observed and takes no orders");
+            return Err(Refusal::of(id, AdminCode::ForeignRobot, text));
+        }
+        Ok(found)
+    }
+
+    /// Whether a robot may stand at `p`, as far as the arena and the obstacles go.
+    fn check_point(&self, id: RobotId, radius_m: f64, p: Vec2, what: &str) -> Result<(), Refusal> {
+        let place = format!("{what} of robot {id}, ({}, {}) m,", p.x, p.y);
+        if !(p.x.is_finite() && p.y.is_finite()) {
+            return Err(Refusal::of(id.0, AdminCode::NotFinite, format!("{place} is not finite")));
+        }
+        if p.norm() > self.arena_m {
+            let text = format!("{place} is more than {} m (source.arena_m) from the origin", self.arena_m);
+            return Err(Refusal::of(id.0, AdminCode::OutsideArena, text));
+        }
+        for (index, obstacle) in self.obstacles.iter().enumerate() {
+            let keep_m = obstacle.reach_m() + radius_m + self.limits.safety_margin_m;
+            let apart_m = obstacle.core_distance(p);
+            if apart_m < keep_m - ROUNDING_M {
+                let text =
+                    format!("{place} is {apart_m:.3} m from obstacle {index}: it has to keep {keep_m:.3} m");
+                return Err(Refusal::of(id.0, AdminCode::InsideObstacle, text));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the goal of the robot in `place` leaves every other robot room at its own.
+    fn check_goal_is_free(&self, place: usize) -> Result<(), Refusal> {
+        let Some(robot) = self.robot(place) else { return Ok(()) };
+        let others = self.places.iter().enumerate().filter(|(other, _)| *other != place);
+        for other in others.filter_map(|(_, other)| other.as_ref()).filter(|o| o.foreign_speed_mps.is_none())
+        {
+            let apart_m = (other.goal_m - robot.goal_m).norm();
+            let required_m = self.limits.safety_margin_m + robot.radius_m + other.radius_m;
+            if apart_m < required_m - ROUNDING_M {
+                let text = format!(
+                    "the goal of robot {} is {apart_m:.3} m from that of robot {}: they have to be {required_m:.3} m apart",
+                    robot.id, other.id
+                );
+                return Err(Refusal::of(robot.id.0, AdminCode::GoalTaken, text));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    fn plan(capacity: usize) -> Plan {
+        let text = "schema = 1\nname = \"four\"\n\
+            [[robot]]\nid = 1\nradius_m = 0.15\nstart = { x_m = 0, y_m = 0 }\ngoal = { x_m = 4, y_m = 0 }\n\
+            [[robot]]\nid = 5\nradius_m = 0.15\nstart = { x_m = 0, y_m = 2 }\ngoal = { x_m = 4, y_m = 2 }\n\
+            [[robot]]\nid = 9\nradius_m = 0.15\nstart = { x_m = 0, y_m = 4 }\nforeign_speed_mps = 1\n\
+            [[obstacle]]\ncircle = { x_m = 2, y_m = -3, radius_m = 0.5 }\n";
+        let mut config = Config::new(Scenario::parse(text, "four.toml").unwrap());
+        config.admin.capacity = capacity;
+        config.source.arena_m = 50.0;
+        Plan::new(&config)
+    }
+
+    fn goal(id: u32, x: f64, y: f64) -> AdminRobot {
+        AdminRobot { id, goal_x_m: x, goal_y_m: y, ..AdminRobot::default() }
+    }
+
+    fn refused(result: Result<Vec<Change>, Refusal>) -> (AdminCode, u32) {
+        let refusal = result.expect_err("refused");
+        assert!(!refusal.text.is_empty());
+        (refusal.code, refusal.robot)
+    }
+
+    #[test]
+    fn goals_that_no_robot_can_have_are_refused_with_the_reason() {
+        let plan = plan(0);
+        let set = |records: &[AdminRobot]| refused(plan.changes(AdminKind::SetGoals, records));
+        for (x, y) in [(f64::NAN, 0.0), (0.0, f64::INFINITY), (f64::NEG_INFINITY, f64::NAN)] {
+            assert_eq!(set(&[goal(1, x, y)]), (AdminCode::NotFinite, 1));
+        }
+        assert_eq!(set(&[goal(5, 40.0, 40.0)]), (AdminCode::OutsideArena, 5));
+        // Half a metre of obstacle, half a robot, the margin: 0.8 m.
+        assert_eq!(set(&[goal(1, 2.0, -3.0)]), (AdminCode::InsideObstacle, 1));
+        assert_eq!(set(&[goal(1, 2.0, -2.21)]), (AdminCode::InsideObstacle, 1));
+        assert!(plan.changes(AdminKind::SetGoals, &[goal(1, 2.0, -2.2)]).is_ok());
+        assert_eq!(set(&[goal(2, 0.0, 0.0)]), (AdminCode::UnknownRobot, 2));
+        assert_eq!(set(&[goal(9, 0.0, 0.0)]), (AdminCode::ForeignRobot, 9));
+        assert_eq!(set(&[goal(1, 4.0, 1.6)]), (AdminCode::GoalTaken, 1));
+        assert_eq!(set(&[goal(1, 9.0, 1.0), goal(1, 9.0, 2.0)]), (AdminCode::RepeatedRobot, 1));
+        assert_eq!(set(&[]), (AdminCode::Malformed, NO_ROBOT));
+        assert_eq!(set(&[goal(1, 9.0, 1.0); 4]), (AdminCode::Malformed, NO_ROBOT));
+        // All or nothing, and seen together: two robots may swap their goals.
+        assert_eq!(set(&[goal(1, 9.0, 9.0), goal(5, 9.0, f64::NAN)]), (AdminCode::NotFinite, 5));
+        let swap = plan.changes(AdminKind::SetGoals, &[goal(1, 4.0, 2.0), goal(5, 4.0, 0.0)]).unwrap();
+        let goal_m = |y| Vec2::new(4.0, y);
+        let expected =
+            [Change::Goal { place: 0, goal_m: goal_m(2.0) }, Change::Goal { place: 1, goal_m: goal_m(0.0) }];
+        assert_eq!(swap, expected);
+    }
+
+    #[test]
+    fn a_robot_is_added_where_it_has_room_and_removed_by_its_id() {
+        let mut plan = plan(5);
+        let new = |id, x, y| AdminRobot {
+            start_x_m: x,
+            start_y_m: y,
+            start_theta_rad: 7.0,
+            radius_m: 0.2,
+            ..goal(id, x + 3.0, y + 10.0)
+        };
+        let add = |plan: &Plan, record| plan.changes(AdminKind::AddRobot, &[record]);
+        assert_eq!(refused(add(&plan, new(5, 0.0, 9.0))), (AdminCode::TakenId, 5));
+        assert_eq!(refused(add(&plan, new(NO_ROBOT, 0.0, 9.0))).0, AdminCode::TakenId);
+        for radius_m in [0.0, -1.0, f64::NAN, f64::INFINITY, 101.0] {
+            let record = AdminRobot { radius_m, ..new(7, 0.0, 9.0) };
+            assert_eq!(refused(add(&plan, record)).0, AdminCode::BadRadius);
+        }
+        let record = AdminRobot { start_theta_rad: f64::NAN, ..new(7, 0.0, 9.0) };
+        assert_eq!(refused(add(&plan, record)).0, AdminCode::NotFinite);
+        assert_eq!(refused(add(&plan, new(7, 2.0, -3.0))).0, AdminCode::InsideObstacle);
+        assert_eq!(refused(add(&plan, new(7, 1.0, -10.0))).0, AdminCode::GoalTaken);
+        for id in [7, 8] {
+            let changes = add(&plan, new(id, f64::from(id), 9.0)).unwrap();
+            let [Change::Add { place, robot }] = changes[..] else { panic!("{changes:?}") };
+            assert_eq!((place, robot.id.0), (id as usize - 4, id));
+            assert!((-PI..=PI).contains(&robot.start.theta_rad));
+            plan.apply(&changes[0]);
+        }
+        assert_eq!(refused(add(&plan, new(10, 20.0, 9.0))).0, AdminCode::Full);
+        let gone = plan.changes(AdminKind::RemoveRobot, &[goal(5, 0.0, 0.0)]).unwrap();
+        assert_eq!(gone, [Change::Remove { place: 1 }]);
+        plan.apply(&gone[0]);
+        assert_eq!(
+            refused(plan.changes(AdminKind::RemoveRobot, &[goal(5, 0.0, 0.0)])).0,
+            AdminCode::UnknownRobot
+        );
+        assert_eq!(
+            refused(plan.changes(AdminKind::RemoveRobot, &[goal(9, 0.0, 0.0)])).0,
+            AdminCode::ForeignRobot
+        );
+        let [Change::Add { place: 1, .. }] = add(&plan, new(10, 20.0, 9.0)).unwrap()[..] else {
+            panic!("the free place is taken")
+        };
+        assert!(plan.scenario(&Scenario::builtin("swap8").unwrap()).robots.is_sorted_by_key(|r| r.id));
+    }
+
+    #[test]
+    fn a_stop_is_latched_and_nobody_moves_before_a_resume() {
+        let mut plan = plan(0);
+        let mut ask = |kind| {
+            let changes = plan.changes(kind, &[])?;
+            for change in &changes {
+                plan.apply(change);
+            }
+            Ok::<u32, Refusal>(plan.hold())
+        };
+        let (paused, stopped) = (state_flags::PAUSED, state_flags::STOPPED);
+        assert_eq!(ask(AdminKind::Pause).unwrap(), paused);
+        assert_eq!(ask(AdminKind::Resume).unwrap(), 0);
+        assert_eq!(ask(AdminKind::Resume).unwrap(), 0);
+        assert_eq!(ask(AdminKind::Clear).unwrap(), 0);
+        assert_eq!(ask(AdminKind::Stop).unwrap(), stopped);
+        assert_eq!(ask(AdminKind::Stop).unwrap(), stopped);
+        assert_eq!(ask(AdminKind::Pause).unwrap(), stopped | paused);
+        assert_eq!(ask(AdminKind::Resume).unwrap_err().code, AdminCode::Stopped);
+        assert_eq!(ask(AdminKind::Clear).unwrap(), paused);
+        assert_eq!(ask(AdminKind::Resume).unwrap(), 0);
+    }
+}

@@ -1,0 +1,25 @@
+use crate::wire::{AdminCode, NO_ROBOT};
+
+/// Why a request is not carried out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Refusal {
+    pub(super) code: AdminCode,
+    /// Id of the robot that it is about, or [`NO_ROBOT`].
+    pub(super) robot: u32,
+    /// The reason in words, with what to change.
+    pub(super) text: String,
+}
+
+impl Refusal {
+    pub(super) fn of(robot: u32, code: AdminCode, text: String) -> Self {
+        Self { code, robot, text }
+    }
+
+    pub(super) fn fleet(code: AdminCode, text: String) -> Self {
+        Self::of(NO_ROBOT, code, text)
+    }
+
+    pub(super) fn malformed(text: &str) -> Self {
+        Self::fleet(AdminCode::Malformed, text.to_owned())
+    }
+}

@@ -1,0 +1,326 @@
+//! Operators' requests to a daemon over real shared memory, in one process.
+
+mod support;
+
+use std::time::{Duration, Instant};
+
+use clearway::attach::{AdminClient, AdminError, Client, Subscriber};
+use clearway::config::{Config, SourceKind};
+use clearway::geometry::{Pose, Vec2};
+use clearway::model::{RobotId, RobotSpec};
+use clearway::runtime::{Daemon, Until};
+use clearway::scenario::Scenario;
+use clearway::wire::{AdminCode, NO_ROBOT, RobotCommand, RobotState, StopReason, state_flags};
+use support::{World, config, lanes};
+
+const T: u64 = 10_000_000;
+
+/// Far longer than any of this takes.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A daemon with real controllers, and a client of it.
+struct Running {
+    daemon: Daemon,
+    client: Client,
+    admin: AdminClient,
+}
+
+fn start(config: Config) -> Running {
+    let channel = config.channel.clone();
+    let daemon = Daemon::start(config, Until::Stopped).unwrap();
+    let client = Client::connect_at("default", &channel).unwrap();
+    let admin = client.admin().unwrap().with_timeout(PATIENCE);
+    Running { daemon, client, admin }
+}
+
+/// Two robots on lanes of fifty metres, a pillar beside them, an arena of a hundred metres.
+fn two(world: &World) -> Config {
+    let text = "schema = 1\nname = \"two\"\n\
+        [[robot]]\nid = 0\nradius_m = 0.15\nstart = { x_m = 0, y_m = 0 }\ngoal = { x_m = 50, y_m = 0 }\n\
+        [[robot]]\nid = 3\nradius_m = 0.15\nstart = { x_m = 0, y_m = 2 }\ngoal = { x_m = 50, y_m = 2 }\n\
+        [[obstacle]]\ncircle = { x_m = 10, y_m = 10, radius_m = 1 }\n";
+    let mut config = config(world, Scenario::parse(text, "two.toml").unwrap(), T);
+    config.source.arena_m = 100.0;
+    config
+}
+
+/// Reads on until `look` finds something.
+fn until<R: clearway::channel::Record, F>(
+    subscriber: &mut Subscriber<R>,
+    mut look: impl FnMut(&R::Header, &[R]) -> Option<F>,
+) -> F {
+    let end = Instant::now() + PATIENCE;
+    while Instant::now() < end {
+        if let Some(sample) = subscriber.wait(PATIENCE).unwrap()
+            && let Some(found) = look(sample.header(), sample.robots())
+        {
+            return found;
+        }
+    }
+    panic!("nothing came");
+}
+
+fn refused(result: Result<impl std::fmt::Debug, AdminError>) -> (AdminCode, Option<u32>) {
+    match result {
+        Err(AdminError::Refused { code: Some(code), robot, text }) => {
+            assert!(!text.is_empty());
+            (code, robot)
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+fn goal_of(state: &RobotState) -> (f64, f64) {
+    (state.goal_x_m, state.goal_y_m)
+}
+
+#[test]
+fn a_goal_acts_from_the_tick_that_the_answer_names() {
+    let world = World::new("admin_goal");
+    let mut run = start(two(&world));
+    let mut states = run.client.states().unwrap();
+    let done = run.admin.set_goal(3, 2.0, 30.0).unwrap();
+    // The state of the tick before is the first to show it.
+    let (before, at) = until(&mut states, |header, robots| {
+        let changed = goal_of(&robots[1]) == (2.0, 30.0);
+        assert_eq!(changed, header.tick + 1 >= done.acts_from_tick, "{}", header.tick);
+        (header.tick + 1 == done.acts_from_tick).then_some((header.epoch, goal_of(&robots[0])))
+    });
+    assert_eq!((before, at), (done.epoch, (50.0, 0.0)));
+    // It drives there.
+    until(&mut states, |_, robots| (robots[1].y_m > 8.0).then_some(()));
+    // Both at once, or none.
+    run.admin.set_goals(&[(0, 2.0, 30.0), (3, 50.0, 0.0)]).unwrap();
+    until(&mut states, |_, robots| {
+        let goals = (goal_of(&robots[0]), goal_of(&robots[1]));
+        assert!([((50.0, 0.0), (2.0, 30.0)), ((2.0, 30.0), (50.0, 0.0))].contains(&goals));
+        (goals.0 == (2.0, 30.0)).then_some(())
+    });
+    run.daemon.stop();
+    let report = run.daemon.join().unwrap();
+    assert_eq!((report.control.violations, report.lost_records), (0, 0), "{report:?}");
+}
+
+#[test]
+fn a_goal_that_cannot_be_is_refused_with_the_reason_and_the_last_one_is_kept() {
+    let world = World::new("admin_refuse");
+    let mut run = start(two(&world));
+    for (goal, code) in [
+        ((f64::NAN, 0.0), AdminCode::NotFinite),
+        ((0.0, f64::NEG_INFINITY), AdminCode::NotFinite),
+        ((99.0, 99.0), AdminCode::OutsideArena),
+        ((10.0, 10.0), AdminCode::InsideObstacle),
+        ((10.0, 11.2), AdminCode::InsideObstacle),
+        ((50.0, 2.1), AdminCode::GoalTaken),
+    ] {
+        assert_eq!(refused(run.admin.set_goal(0, goal.0, goal.1)), (code, Some(0)), "{goal:?}");
+    }
+    assert_eq!(refused(run.admin.set_goal(7, 1.0, 1.0)), (AdminCode::UnknownRobot, Some(7)));
+    assert_eq!(refused(run.admin.set_goals(&[])), (AdminCode::Malformed, None));
+    // A good one beside a bad one is not taken either.
+    assert_eq!(
+        refused(run.admin.set_goals(&[(3, 1.0, 20.0), (0, f64::NAN, 0.0)])),
+        (AdminCode::NotFinite, Some(0))
+    );
+    let status = run.admin.status().unwrap();
+    assert_eq!((status.figures.requests_refused, status.figures.requests_done), (9, 1));
+    let mut states = run.client.states().unwrap();
+    until(&mut states, |_, robots| {
+        assert_eq!((goal_of(&robots[0]), goal_of(&robots[1])), ((50.0, 0.0), (50.0, 2.0)));
+        Some(())
+    });
+}
+
+/// The reasons for which the robots stop, in the commands of one tick.
+fn reasons(run: &mut Subscriber<RobotCommand>, tick: u64) -> Vec<u32> {
+    until(run, |header, robots| {
+        (header.tick >= tick).then(|| robots.iter().map(|c| c.stop_reason).collect::<Vec<_>>())
+    })
+}
+
+#[test]
+fn pause_holds_until_resumed_and_stop_until_cleared_and_resumed() {
+    let world = World::new("admin_hold");
+    let mut run = start(two(&world));
+    let mut commands = run.client.commands().unwrap();
+    let mut states = run.client.states().unwrap();
+    assert_eq!(reasons(&mut commands, 5), [0, 0]);
+
+    let paused = run.admin.pause().unwrap();
+    assert_eq!(reasons(&mut commands, paused.acts_from_tick), [StopReason::Paused as u32; 2]);
+    until(&mut states, |header, robots| {
+        (header.tick >= paused.acts_from_tick).then(|| {
+            assert!(robots.iter().all(|r| r.has(state_flags::PAUSED) && r.v_mps == 0.0));
+        })
+    });
+    let resumed = run.admin.resume().unwrap();
+    assert!(resumed.acts_from_tick > paused.acts_from_tick);
+    assert_eq!(reasons(&mut commands, resumed.acts_from_tick), [0, 0]);
+
+    let stopped = run.admin.stop().unwrap();
+    assert_eq!(reasons(&mut commands, stopped.acts_from_tick), [StopReason::Stopped as u32; 2]);
+    let status = run.admin.status().unwrap();
+    assert!(status.is_stopped() && !status.is_paused());
+    assert_eq!(refused(run.admin.resume()), (AdminCode::Stopped, None));
+    // Goals may be set meanwhile; nobody moves.
+    let set = run.admin.set_goal(0, 5.0, -3.0).unwrap();
+    assert_eq!(reasons(&mut commands, set.acts_from_tick), [StopReason::Stopped as u32; 2]);
+    let cleared = run.admin.clear().unwrap();
+    assert_eq!(reasons(&mut commands, cleared.acts_from_tick), [StopReason::Paused as u32; 2]);
+    let resumed = run.admin.resume().unwrap();
+    assert_eq!(reasons(&mut commands, resumed.acts_from_tick), [0, 0]);
+    until(&mut states, |_, robots| robots[0].has(state_flags::ARRIVED).then_some(()));
+    run.daemon.stop();
+    let report = run.daemon.join().unwrap();
+    assert_eq!((report.control.violations, report.ended_by), (0, "operator"));
+    // What an operator wants is no fallback.
+    assert!(report.stops["paused"] > 0 && report.stops["stopped"] > 0, "{:?}", report.stops);
+    assert!(report.fallback_commands <= report.stops.values().sum::<u64>() - report.stops["stopped"]);
+}
+
+#[test]
+fn status_and_configuration_say_what_is() {
+    let world = World::new("admin_status");
+    let mut config = two(&world);
+    config.timing.workers = Some(2);
+    config.admin.capacity = 5;
+    let expected = config.clone();
+    let mut run = start(config);
+    let _states = run.client.states().unwrap();
+    let _also = run.client.states().unwrap();
+    let _telemetry = run.client.telemetry().unwrap();
+    let status = until(&mut run.client.states().unwrap(), |header, _| {
+        (header.tick > 30).then(|| run.admin.status().unwrap())
+    });
+    let f = &status.figures;
+    assert_eq!((f.capacity, f.robots, f.arrived, f.unseen, f.workers), (5, 2, 0, 0, 2));
+    assert_eq!((f.period_ns, f.telemetry_readers, f.admin_clients), (T, 1, 1));
+    assert!((2..=3).contains(&f.state_readers), "{f:?}");
+    assert!(f.periods > 0 && f.tick > 0 && f.uptime_ns > 0 && f.min_clearance_m > 0.5, "{f:?}");
+    assert!(!status.is_paused() && !status.is_stopped() && status.degraded.is_empty());
+    let text = run.admin.configuration().unwrap();
+    for line in ["period_us = 10000", "workers = 2", "capacity = 5", "scenario = \"two\"", "policy = \"off\""]
+    {
+        assert!(text.lines().any(|l| l == line), "{line} is not in\n{text}");
+    }
+    run.admin.set_goal(3, 9.0, 20.0).unwrap();
+    let scenario = Scenario::parse(&run.admin.scenario().unwrap(), "answered.toml").unwrap();
+    assert_eq!(scenario.obstacles, expected.scenario.obstacles);
+    assert_eq!(scenario.robots[1].goal_m, Vec2::new(9.0, 20.0));
+    assert_eq!(scenario.robots[0], expected.scenario.robots[0]);
+}
+
+/// A text longer than one answer comes in pieces.
+#[test]
+fn a_large_fleets_scenario_is_answered_in_pieces() {
+    let world = World::new("admin_long");
+    let mut config = config(&world, Scenario::builtin("circle-200").unwrap(), 80_000_000);
+    config.timing.workers = Some(1);
+    let expected = config.scenario.clone();
+    let mut run = start(config);
+    assert_eq!(Scenario::parse(&run.admin.scenario().unwrap(), "answered.toml").unwrap(), expected);
+}
+
+#[test]
+fn nobody_is_asked_when_no_daemon_runs_and_nobody_waits_for_ever() {
+    let world = World::new("admin_nobody");
+    let error = Client::connect_at("default", &world.channel).unwrap_err();
+    assert!(error.to_string().contains("no daemon runs"), "{error}");
+    let mut run = start(two(&world));
+    run.admin.status().unwrap();
+    run.daemon.stop();
+    run.daemon.join().unwrap();
+    let mut admin = run.admin.with_timeout(Duration::from_millis(50));
+    let error = admin.status().unwrap_err();
+    assert!(matches!(error, AdminError::Timeout { .. } | AdminError::Channel(_)), "{error:?}");
+    assert!(Client::connect_at("default", &world.channel).is_err());
+}
+
+/// A daemon that listens to observations, and one that does not.
+#[test]
+fn observations_are_published_where_somebody_listens() {
+    let world = World::new("admin_observe");
+    let mut config = two(&world);
+    let run = start(config.clone());
+    assert!(run.client.observations(1).is_err());
+    drop(run);
+    config.source.kind = SourceKind::Observation;
+    let run = start(config);
+    let mut publisher = run.client.observations(1).unwrap();
+    let mut states = run.client.states().unwrap();
+    until(&mut states, |header, robots| {
+        let pose = Pose::new(0.5, 2.0, 0.25);
+        publisher.publish(header.stamp_ns, &[(RobotId(3), pose)]).unwrap();
+        assert!(publisher.publish(header.stamp_ns, &[]).is_err());
+        let (mine, other) = (&robots[1], &robots[0]);
+        (mine.has(state_flags::VALID) && mine.x_m >= 0.5 && !other.has(state_flags::VALID)).then_some(())
+    });
+}
+
+fn spec(id: u32, start: (f64, f64), goal: (f64, f64)) -> RobotSpec {
+    RobotSpec {
+        id: RobotId(id),
+        radius_m: 0.2,
+        start: Pose::new(start.0, start.1, 0.0),
+        goal_m: Vec2::new(goal.0, goal.1),
+        foreign_speed_mps: None,
+    }
+}
+
+#[test]
+fn a_robot_joins_drives_and_leaves() {
+    let world = World::new("admin_join");
+    let mut config = two(&world);
+    config.admin.capacity = 3;
+    let mut run = start(config);
+    let (mut states, mut commands) = (run.client.states().unwrap(), run.client.commands().unwrap());
+    until(&mut states, |_, robots| {
+        assert_eq!((robots.len(), robots[2].id), (3, NO_ROBOT));
+        assert!(robots[2].has(state_flags::VACANT));
+        Some(())
+    });
+    assert_eq!(refused(run.admin.add_robot(&spec(3, (0.0, 8.0), (4.0, 8.0)))).0, AdminCode::TakenId);
+    assert_eq!(refused(run.admin.add_robot(&spec(9, (10.0, 9.0), (4.0, 8.0)))).0, AdminCode::InsideObstacle);
+    let done = run.admin.add_robot(&spec(9, (0.0, 8.0), (4.0, 8.0))).unwrap();
+    until(&mut states, |header, robots| {
+        assert_eq!(robots[2].id == 9, header.tick + 1 >= done.acts_from_tick);
+        (robots[2].id == 9).then(|| {
+            assert!(robots[2].has(state_flags::VALID));
+            assert_eq!((robots[2].x_m, robots[2].v_mps, robots[2].radius_m), (0.0, 0.0, 0.2));
+        })
+    });
+    assert_eq!(refused(run.admin.add_robot(&spec(10, (0.0, 20.0), (4.0, 20.0)))).0, AdminCode::Full);
+    until(&mut states, |_, robots| robots[2].has(state_flags::ARRIVED).then_some(()));
+    // It can be sent elsewhere like any other.
+    run.admin.set_goal(9, 1.0, 8.0).unwrap();
+    until(&mut states, |_, robots| {
+        (robots[2].has(state_flags::ARRIVED) && robots[2].x_m < 1.1).then_some(())
+    });
+    assert_eq!(run.admin.status().unwrap().figures.robots, 3);
+
+    let done = run.admin.remove_robot(9).unwrap();
+    assert_eq!(reasons(&mut commands, done.acts_from_tick)[2], StopReason::Vacant as u32);
+    assert_eq!(refused(run.admin.remove_robot(9)).0, AdminCode::UnknownRobot);
+    assert_eq!(run.admin.status().unwrap().figures.robots, 2);
+    // The place is free for another one, or for the same again.
+    run.admin.add_robot(&spec(9, (0.0, 20.0), (2.0, 20.0))).unwrap();
+    until(&mut states, |_, robots| {
+        (robots[2].has(state_flags::ARRIVED) && robots[2].y_m > 19.0).then_some(())
+    });
+    run.daemon.stop();
+    let report = run.daemon.join().unwrap();
+    assert_eq!((report.control.violations, report.control.robots), (0, 3), "{report:?}");
+}
+
+#[test]
+fn a_robot_is_not_put_in_front_of_another() {
+    let world = World::new("admin_close");
+    let mut config = config(&world, lanes(1, 0.0), T);
+    config.admin.capacity = 2;
+    let mut run = start(config);
+    // Both radii and the margin: half a metre.
+    let close = run.admin.add_robot(&spec(5, (0.49, 0.0), (3.0, 0.0)));
+    assert_eq!(refused(close), (AdminCode::TooClose, Some(0)));
+    // The refusal leaves no trace: the place is still free.
+    run.admin.add_robot(&spec(5, (0.51, 0.0), (3.0, 0.0))).unwrap();
+}
