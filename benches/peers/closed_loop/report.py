@@ -11,7 +11,7 @@ def markdown(document: dict) -> str:
     """All tables of a run's document."""
     rows, reference = document["rows"], document["reference"]
     period_ms = document["period_s"] * 1e3
-    sections = [_overall(rows, reference, period_ms)]
+    sections = [_overall(rows, reference, period_ms), _makespans(rows)]
     for group in dict.fromkeys(row["group"] for row in rows):
         sections.append(f"**{group}**\n\n" + _group([r for r in rows if r["group"] == group], reference))
     return "\n\n".join(sections) + "\n"
@@ -47,6 +47,27 @@ def _overall(rows: list[Row], reference: str, period_ms: float) -> str:
             ]
         )
     return _table(head, lines)
+
+
+def _makespans(rows: list[Row]) -> str:
+    """One line for every law and a column for every group: when the last robot arrived."""
+    groups = list(dict.fromkeys(row["group"] for row in rows))
+    lines = []
+    for members in _by(rows, "law"):
+        of = {group: [r for r in members if r["group"] == group] for group in groups}
+        lines.append([members[0]["title"], *(_makespan(of[group]) for group in groups)])
+    return _table(["last arrival, s", *groups], lines)
+
+
+def _makespan(rows: list[Row]) -> str:
+    """The mean makespan, or how many arrived; in brackets the pairs that came too close."""
+    if not rows:
+        return "n/a"
+    arrived, robots, close = (_sum(rows, key) for key in ("arrived", "robots", "violations"))
+    when = f"{arrived} of {robots}"
+    if arrived == robots:
+        when = _number(_mean([row["makespan_s"] for row in rows]), 2)
+    return f"{when} ({close})" if close else when
 
 
 def _group(rows: list[Row], reference: str) -> str:
