@@ -76,19 +76,20 @@ def _tracked(parameters: OrcaParameters, tracker: TrackerParameters) -> Candidat
     return Candidate(both, lambda s, t: TrackedOrca(s, t, parameters, tracker))
 
 
-# Time horizons that are tried, s; holonomic robots get the shorter ones.
-HORIZONS_S = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+# The grids reach from collisions to jams: a shorter horizon collides, a longer one never moves.
 HOLONOMIC_GRID = tuple(
     _holonomic(OrcaParameters(horizon, inflation=inflation, perturbation=perturbation))
-    for horizon, inflation, perturbation in product(HORIZONS_S[:-1], (1.0, 1.1, 1.25), (1e-4, 0.02, 0.2))
+    for horizon, inflation, perturbation in product(
+        (0.25, 0.5, 1.0, 2.0, 4.0), (1.0, 1.1, 1.25), (1e-4, 0.02, 0.2)
+    )
 )
 TRACKED_GRID = tuple(
     _tracked(OrcaParameters(horizon, inflation=inflation, perturbation=0.02), TrackerParameters(stop))
-    for horizon, inflation, stop in product(HORIZONS_S[1:], (1.0, 1.2, 1.5), (0.5, 1.57))
+    for horizon, inflation, stop in product((0.25, 0.5, 1.0, 2.0, 8.0), (1.0, 1.2, 1.5), (0.5, 1.57))
 )
 GUARDED_GRID = tuple(
     _tracked(OrcaParameters(horizon, inflation=inflation, perturbation=0.02), TrackerParameters(0.5, True))
-    for horizon, inflation in product(HORIZONS_S[1:-1], (1.0, 1.2))
+    for horizon, inflation in product((0.25, 0.5, 1.0, 4.0), (1.0, 1.2))
 )
 
 PEERS = (
