@@ -5,7 +5,7 @@ from pathlib import Path
 
 EPILOG = """\
 Examples:
-  run.py                                      everything: table on standard output
+  run.py                                      everything, four minutes; tables on standard output
   run.py --json peers.json --markdown peers.md
   run.py --quick                              three scenarios, under a minute
   run.py --scenarios swap8 circle-20 --laws certified orca-best

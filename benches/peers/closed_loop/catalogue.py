@@ -76,7 +76,7 @@ def _tracked(parameters: OrcaParameters, tracker: TrackerParameters) -> Candidat
     return Candidate(both, lambda s, t: TrackedOrca(s, t, parameters, tracker))
 
 
-# The grids reach from collisions to jams: a shorter horizon collides, a longer one never moves.
+# At the shortest horizon circles collide, at the longest most fleets jam.
 HOLONOMIC_GRID = tuple(
     _holonomic(OrcaParameters(horizon, inflation=inflation, perturbation=perturbation))
     for horizon, inflation, perturbation in product(
