@@ -28,6 +28,7 @@
 //! | settings read so that errors name file, line and key | [`document`] |
 //! | what is to be done, from a name or a file | [`scenario`] |
 //! | everything that can be set | [`config`] |
+//! | what disturbs robots, made and kept count of | [`disturbance`] |
 //! | who is near | [`neighbours`] |
 //! | where to steer and how fast, so that nobody waits for ever | [`guidance`] |
 //! | Lyapunov decreases and barrier rows | [`certificate`] |
@@ -64,6 +65,7 @@ pub mod channel;
 pub mod clock;
 pub mod config;
 pub mod controller;
+pub mod disturbance;
 pub mod document;
 pub mod evaluation;
 pub mod figures;

@@ -4,13 +4,15 @@ use crate::scenario::Scenario;
 use std::path::Path;
 
 /// Keys that only a configuration has at its top.
-const CONFIG_KEYS: [&str; 10] = [
+const CONFIG_KEYS: [&str; 12] = [
     "scenario",
     "fleet",
     "timing",
     "realtime",
     "controller",
     "guidance",
+    "robust",
+    "disturbance",
     "source",
     "telemetry",
     "admin",

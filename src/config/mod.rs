@@ -25,8 +25,10 @@ mod admin;
 mod channel;
 mod checked;
 mod controller;
+mod disturbance;
 mod guidance;
 mod read;
+mod robust;
 mod rules;
 mod runtime;
 mod write;
@@ -35,13 +37,15 @@ pub use admin::AdminConfig;
 pub use channel::ChannelConfig;
 pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
+pub use disturbance::{DisturbanceConfig, Pattern};
 pub use guidance::GuidanceParams;
 pub use runtime::{
     PublishAt, RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig,
     Wakeup,
 };
 
-use crate::document::{ConfigError, Document};
+use crate::document::{ConfigError, Document, ErrorKind, Problem};
+use crate::model::Disturbance;
 use crate::scenario::Scenario;
 use std::path::Path;
 
@@ -60,6 +64,10 @@ pub struct Config {
     pub controller: ControllerConfig,
     /// How robots avoid each other ahead of time.
     pub guidance: GuidanceParams,
+    /// Bounds on disturbances that the safety rows allow for.
+    pub robust: Disturbance,
+    /// Disturbances that the plant makes.
+    pub disturbance: DisturbanceConfig,
     /// Where states come from.
     pub source: SourceConfig,
     /// Queues and histograms.
@@ -86,6 +94,8 @@ impl Config {
             realtime: RealTimeConfig::default(),
             controller: ControllerConfig::default(),
             guidance: GuidanceParams::default(),
+            robust: Disturbance::NONE,
+            disturbance: DisturbanceConfig::default(),
             source: SourceConfig::default(),
             telemetry: TelemetryConfig::default(),
             admin: AdminConfig::default(),
@@ -102,6 +112,19 @@ impl Config {
     /// by its name; [`Scenario::to_toml`] writes it out.
     pub fn to_toml(&self) -> String {
         write::to_toml(self)
+    }
+
+    /// Checks that the scenario leaves room for the bounds in `robust`: for configurations that were put
+    /// together by a program.
+    ///
+    /// # Errors
+    /// The rules that it breaks, without places.
+    pub fn check_robust(&self) -> Result<(), ConfigError> {
+        let faults = robust::faults(self);
+        let problem = |fault: robust::Fault| {
+            Problem::new(ErrorKind::Contradiction, fault.key, fault.message).advise(fault.help)
+        };
+        ConfigError::from_problems(faults.into_iter().map(problem).collect()).map_or(Ok(()), Err)
     }
 
     /// Reads and checks the TOML file at `path`. A scenario given as a path is relative to it.

@@ -1,12 +1,14 @@
 //! The one place that lists every key, with its range. A new key is one line here, one field in
 //! its struct and one row in `docs/CONFIGURATION.md`.
 
+use super::robust::leaves_room;
 use super::rules::{arena_holds_the_scenario, contradictions};
 use super::{
-    AdminConfig, ChannelConfig, Config, ControllerConfig, GuidanceParams, RealTimeConfig, SourceConfig,
-    TelemetryConfig, TimingConfig, Weights, is_fleet_name,
+    AdminConfig, ChannelConfig, Config, ControllerConfig, DisturbanceConfig, GuidanceParams, RealTimeConfig,
+    SourceConfig, TelemetryConfig, TimingConfig, Weights, is_fleet_name,
 };
 use crate::document::{Asked, ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
+use crate::model::Disturbance;
 use crate::scenario::{Scenario, has_file_ending};
 use std::ops::Bound::{Excluded, Included};
 use std::path::Path;
@@ -42,6 +44,8 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     let realtime = realtime(root.section("realtime"), RealTimeConfig::default());
     let controller = controller(root.section("controller"), ControllerConfig::default());
     let guidance = GuidanceParams::default().read(root.section("guidance"));
+    let (bounds, written) = robust(root.section("robust"), Disturbance::NONE);
+    let disturbance = disturbance(root.section("disturbance"), DisturbanceConfig::default());
     let source = source(root.section("source"), SourceConfig::default());
     let telemetry = telemetry(root.section("telemetry"), TelemetryConfig::default());
     let admin = admin(root.section("admin"), AdminConfig::default());
@@ -62,13 +66,17 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
         realtime: realtime.value,
         controller: controller.value,
         guidance,
+        robust: bounds,
+        disturbance,
         source: source.value,
         telemetry,
         admin,
         channel,
     });
     if let Some(config) = &config {
-        arena_holds_the_scenario(doc, config, source.arena.as_ref(), scenario.as_ref().map(|s| &s.place));
+        let place = scenario.as_ref().map(|s| &s.place);
+        arena_holds_the_scenario(doc, config, source.arena.as_ref(), place);
+        leaves_room(doc, config, &written, timing.period.as_ref(), place);
     }
     Ok(config)
 }
@@ -221,6 +229,48 @@ fn source(mut s: Section<'_>, mut v: SourceConfig) -> Source {
     s.set_number("jump_margin_m", &mut v.jump_margin_m, 0.0..=1e3);
     s.finish();
     Source { value: v, max_age, arena }
+}
+
+/// A time in s as the settings keep it, ns.
+fn nanoseconds(s: f64) -> u64 {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a checked, short time
+    let ns = (s * 1e9).round() as u64;
+    ns
+}
+
+/// Where the values of a disturbance stand.
+pub(super) type Written = Vec<(&'static str, Place)>;
+
+fn robust(mut s: Section<'_>, d: Disturbance) -> (Disturbance, Written) {
+    let read = amplitudes(&mut s, d);
+    s.finish();
+    read
+}
+
+fn disturbance(mut s: Section<'_>, mut d: DisturbanceConfig) -> DisturbanceConfig {
+    s.set_choice("pattern", &mut d.pattern);
+    s.set_integer("seed", &mut d.seed, 0..=i64::MAX.unsigned_abs());
+    d.amplitude = amplitudes(&mut s, d.amplitude).0;
+    s.finish();
+    d
+}
+
+fn amplitudes(s: &mut Section<'_>, mut d: Disturbance) -> (Disturbance, Written) {
+    let mut written = Vec::new();
+    let [mut lag_ns, mut delay_ns] = [d.lag_s, d.delay_s].map(nanoseconds);
+    for (key, target, most) in [
+        ("position_m", &mut d.position_m, 10.0),
+        ("heading_rad", &mut d.heading_rad, 1.0),
+        ("slip", &mut d.slip, 1.0),
+        ("turn_rate_radps", &mut d.turn_rate_radps, 10.0),
+    ] {
+        written.extend(s.set_number(key, target, 0.0..=most).map(|place| (key, place)));
+    }
+    for (key, target) in [("lag_us", &mut lag_ns), ("delay_us", &mut delay_ns)] {
+        written.extend(s.set_micros(key, target, 0..=SECOND_US).map(|place| (key, place)));
+    }
+    (d.lag_s, d.delay_s) = (lag_ns as f64 * 1e-9, delay_ns as f64 * 1e-9);
+    (d, written)
 }
 
 fn telemetry(mut s: Section<'_>, mut t: TelemetryConfig) -> TelemetryConfig {

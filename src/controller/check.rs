@@ -7,7 +7,8 @@
 use super::Law;
 use super::rows::{Body, approach_at, bodies};
 use crate::certificate::barrier::budget_m;
-use crate::geometry::{Arc, Vec2, min_distance_arc_segment};
+use crate::certificate::robust::CONTACT_M;
+use crate::geometry::{Arc, Vec2, bearing, min_distance_arc_segment, unit};
 use crate::model::Command;
 use crate::neighbours::Nearby;
 use crate::wire::RobotState;
@@ -26,7 +27,7 @@ pub(super) fn speed_limit_mps(
     let theta_rad = fleet[me].theta_rad;
     let mut limit = law.limits.speed_mps();
     for body in bodies(law, fleet, me, near, law.control.gamma) {
-        let approach = approach_at(theta_rad, command.omega_radps, &body, law.period_s);
+        let approach = approach_at(law, theta_rad, command.omega_radps, &body);
         let rate = if command.v_mps < 0.0 { approach.backward } else { approach.forward };
         if rate > 0.0 {
             limit = limit.min(budget_m(body.gap_m, law.control.gamma, body.share) / rate);
@@ -41,7 +42,33 @@ pub(super) fn is_safe(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby
     let arc = Arc { start, v_mps: command.v_mps, omega_radps: command.omega_radps };
     law.limits.admits(command)
         && bodies(law, fleet, me, near, law.control.gamma).all(|body| {
-            keeps_clear(&arc, &body, budget_m(body.gap_m, law.control.gamma, body.share), law.period_s)
+            let budget_m = budget_m(body.gap_m, law.control.gamma, body.share);
+            match &law.margin {
+                None => keeps_clear(&arc, &body, budget_m, law.period_s),
+                Some(margin) => keeps_clear_disturbed(&arc, &body, budget_m, law.period_s, margin.spread()),
+            }
+        })
+}
+
+/// Whether the disc that holds everything the command may still do by the time it is done is on the
+/// robot's side of the line that lies its budget towards the body; without a gap, of every line that
+/// the body may be behind.
+fn keeps_clear_disturbed(arc: &Arc, body: &Body, budget_m: f64, period_s: f64, spread: f64) -> bool {
+    if arc.v_mps == 0.0 {
+        return true;
+    }
+    let travel = arc.start.heading() * (arc.v_mps * period_s);
+    let radius_m = travel.norm() * spread;
+    if body.gap_m > CONTACT_M && !body.anywhere {
+        return radius_m - body.normal.dot(&travel) <= budget_m + ROUNDING_M;
+    }
+    // Both edges of the cone of directions around the normal.
+    let blind_rad = libm::asin(body.blind.min(1.0));
+    !body.anywhere
+        && body.blind < 1.0
+        && [blind_rad, -blind_rad].into_iter().all(|turn| {
+            let edge = unit(bearing(body.normal) + turn);
+            edge.dot(&travel) >= radius_m - ROUNDING_M
         })
 }
 
@@ -65,7 +92,7 @@ fn keeps_clear(arc: &Arc, body: &Body, budget_m: f64, period_s: f64) -> bool {
 mod tests {
     use super::*;
     use crate::certificate::barrier::approach_exact;
-    use crate::geometry::{Pose, unit, wrap};
+    use crate::geometry::{Pose, wrap};
     use proptest::prelude::*;
 
     proptest! {
@@ -76,7 +103,7 @@ mod tests {
             budget in 0.0..0.3f64, t in 0.01..0.3f64,
         ) {
             let normal = unit(bearing);
-            let body = Body { normal, gap_m: budget, share: 1.0, anywhere: false };
+            let body = Body { normal, gap_m: budget, share: 1.0, anywhere: false, blind: 0.0 };
             let arc = Arc { start: Pose::new(1.0, -2.0, theta), v_mps: v, omega_radps: omega };
             let approach = approach_exact(wrap(theta - bearing), omega, t);
             let used = v.abs() * if v < 0.0 { approach.backward } else { approach.forward };

@@ -21,14 +21,16 @@ pub use shelf::{PreparedRoute, RouteShelf};
 
 use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;
+use crate::certificate::robust::{Margin, Reach};
 use crate::config::{Config, ControllerConfig, SolverKind};
 use crate::document::names;
+use crate::geometry::Pose;
 use crate::guidance;
-use crate::model::{Limits, Obstacle};
+use crate::model::{Disturbance, Limits, Obstacle};
 use crate::neighbours::Neighbourhood;
 use crate::programme::{Programme, Solution};
 use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, state_flags};
 use robot::RobotController;
 use std::ops::Range;
 use std::sync::Arc;
@@ -96,8 +98,16 @@ struct Law {
     obstacles: Vec<Obstacle>,
     /// Speed bound of each robot of the fleet that is not ours.
     foreign_speed_mps: Vec<Option<f64>>,
-    /// Periods from the states to the end of the period in which the commands act.
-    foreign_periods: f64,
+    /// The bounds on the disturbances that are allowed for; `None` when there are none.
+    bounds: Option<Disturbance>,
+    /// What they make of the rows, with this period's timing.
+    margin: Option<Margin>,
+    /// Age from which on an observation is not trusted, s.
+    max_age_s: f64,
+    /// Time for which a foreign robot moves while a command of ours may, from its state on, s.
+    foreign_s: f64,
+    /// How far a robot of ours without a trusted state may be from where it is carried to, m.
+    untrusted_m: f64,
     /// Largest radius of the fleet, m, and how far at most a robot may be from where it is seen, m: of
     /// this period's states.
     largest_radius_m: f64,
@@ -107,23 +117,44 @@ struct Law {
 impl Law {
     /// Takes in what is the same for all robots in this period.
     fn prepare(&mut self, fleet: &[RobotState], timing: Timing) {
-        self.foreign_periods = match timing {
-            Timing::LogicalExecutionTime => 2.0,
-            Timing::Ideal => 1.0,
+        let (ahead_s, foreign_periods) = match timing {
+            Timing::LogicalExecutionTime => (self.period_s, 2.0),
+            Timing::Ideal => (0.0, 1.0),
         };
+        self.margin = self.bounds.map(|b| Margin::new(b, &self.limits, self.period_s, ahead_s));
+        self.foreign_s = foreign_periods * self.period_s + self.margin.map_or(0.0, |m| m.rest_s());
+        let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
+        self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps()
+            + self.margin.map_or(0.0, |m| m.lost_m(silent_s));
         let largest = |of: fn(&RobotState) -> f64| fleet.iter().map(of).fold(0.0f64, f64::max);
         let foreign = self.foreign_speed_mps.iter().flatten().copied().fold(0.0f64, f64::max);
-        let untrusted = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         let unseen = largest(|robot| robot.uncertainty_m);
         self.largest_radius_m = largest(|robot| robot.radius_m);
-        self.unknown_m = untrusted.max(unseen + self.foreign_periods * self.period_s * foreign);
+        self.unknown_m = self.untrusted_m.max(unseen + self.foreign_s * foreign);
+    }
+
+    /// κ of the commands; 0 without disturbances.
+    fn spread(&self) -> f64 {
+        self.margin.map_or(0.0, |margin| margin.spread())
+    }
+
+    /// Where a robot may be around its predicted pose.
+    fn reach(&self, robot: &RobotState) -> Reach {
+        let Some(margin) = &self.margin else { return Reach::default() };
+        if robot.has(state_flags::FOREIGN) {
+            // It takes no commands: only where it was seen is in doubt.
+            return Reach { error_m: margin.bounds().position_m, ..Reach::default() };
+        }
+        margin.reach(robot.uncertainty_m, robot.command())
     }
 
     /// How far a robot of this radius has to see for every row that can bind, m.
     fn sight_m(&self, radius_m: f64) -> f64 {
         let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
         let rate = self.control.gamma.min(self.control.comfort_gamma);
-        activation_m(required + self.unknown_m, self.limits.speed_mps(), self.period_s, rate, 0.5)
+        let extent = self.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
+        let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
+        activation_m(required + self.unknown_m + extent, speed_mps, self.period_s, rate, 0.5)
     }
 }
 
@@ -203,7 +234,11 @@ impl RobotGroup {
             period_s: config.timing.period_s(),
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),
-            foreign_periods: 0.0,
+            bounds: (!config.robust.is_none()).then_some(config.robust),
+            margin: None,
+            max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
+            foreign_s: 0.0,
+            untrusted_m: 0.0,
             largest_radius_m: 0.0,
             unknown_m: 0.0,
             foreign_speed_mps: (0..robots)
@@ -277,6 +312,12 @@ impl RobotGroup {
             *predicted = *now;
             if timing == Timing::LogicalExecutionTime {
                 predicted.set_pose(now.arc().pose(self.law.period_s));
+            }
+            let lead_m = self.law.reach(now).lead_m;
+            if lead_m > 0.0 {
+                // Robots are compared where they come to rest on the commands that are out.
+                let pose = predicted.pose();
+                predicted.set_pose(Pose { position_m: pose.position_m + pose.heading() * lead_m, ..pose });
             }
         }
         for robot in &mut self.owned {

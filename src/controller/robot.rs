@@ -38,6 +38,8 @@ pub(super) struct RobotController {
     views: Vec<ObstacleView>,
     near_views: Vec<ObstacleView>,
     last_intent: RobotIntent,
+    /// Was inside the tolerance for certain, and has not been outside for certain since.
+    settled: bool,
 }
 
 /// What a robot is to do in this period, before the programme.
@@ -149,6 +151,7 @@ impl RobotController {
             near_views: Vec::with_capacity(views.len()),
             views,
             last_intent: RobotIntent::default(),
+            settled: false,
         }
     }
 
@@ -161,7 +164,8 @@ impl RobotController {
     pub(super) fn checkpoint(&self) -> RobotCheckpoint {
         let mut words = guidance::checkpoint::words(&self.memory);
         words[GOAL_WORDS].copy_from_slice(&[self.goal_m.x.to_bits(), self.goal_m.y.to_bits()]);
-        RobotCheckpoint { id: self.id.0, flags: checkpoint_flags::ANSWERED, words }
+        let settled = if self.settled { checkpoint_flags::SETTLED } else { 0 };
+        RobotCheckpoint { id: self.id.0, flags: checkpoint_flags::ANSWERED | settled, words }
     }
 
     /// Goes back to what it remembered; whether `checkpoint` is one of its own.
@@ -175,6 +179,7 @@ impl RobotController {
                 self.route = Route::build(&self.views, self.goal_m);
             }
             self.memory = guidance::checkpoint::memory(&checkpoint.words);
+            self.settled = checkpoint.flags & checkpoint_flags::SETTLED != 0;
         }
         own
     }
@@ -303,10 +308,14 @@ impl RobotController {
     fn aim(&mut self, law: &Law, fleet: &[RobotState], near: &[Nearby]) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
+        // A robot that stands is where it was, whatever the noise says.
+        let doubt_m = law.bounds.map_or(0.0, |bounds| bounds.position_m);
+        let off_m = (here - own.goal_m()).norm();
+        self.settled = off_m <= law.tolerance_m + if self.settled { doubt_m } else { -doubt_m };
         if !law.control.guidance || law.control.profile == Profile::Paper {
             return Aim {
                 reference_m: self.goal_m,
-                holding: arrived(law, own),
+                holding: self.settled,
                 guidance: straight(self.goal_m, law.limits.v_max_mps),
             };
         }
@@ -330,7 +339,7 @@ impl RobotController {
             beyond_m,
             v_mps: own.v_mps,
             omega_radps: own.omega_radps,
-            arrived: arrived(law, own),
+            arrived: self.settled,
         };
         let limits = guidance::Limits {
             v_max_mps: law.limits.v_max_mps,

@@ -2,6 +2,7 @@
 
 use super::Law;
 use crate::certificate::barrier::{Approach, activation_m, approach_exact, approach_linear, budget_m};
+use crate::certificate::robust::{Margin, Reach};
 use crate::config::BarrierForm;
 use crate::geometry::{Vec2, bearing, unit, wrap};
 use crate::neighbours::Nearby;
@@ -20,6 +21,8 @@ pub(super) struct Body {
     pub(super) share: f64,
     /// It may come from any side: no motion at all is known to lead away from it.
     pub(super) anywhere: bool,
+    /// Sine of the largest angle between `normal` and the true direction; 0 without disturbances.
+    pub(super) blind: f64,
 }
 
 /// Distances below this have no direction, m.
@@ -50,35 +53,57 @@ pub(super) fn bodies<'a>(
 ) -> impl Iterator<Item = Body> + 'a {
     let own = &fleet[me];
     let here = own.position_m();
+    let (heading, mine) = (unit(own.theta_rad), law.reach(own));
+    let extent_m = law.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
+    let speed_mps = law.limits.speed_mps() * (1.0 + law.spread());
     let reach = move |required_m: f64, share: f64| {
-        activation_m(required_m, law.limits.speed_mps(), law.period_s, rate, share)
+        activation_m(required_m + extent_m, speed_mps, law.period_s, rate, share)
+    };
+    // Towards the other one, how far we and it may be from where we are seen, and in any direction.
+    let doubt = move |normal: Vec2, other: Option<(Vec2, Reach)>| {
+        let own_m = mine.towards_m(normal.dot(&heading));
+        let (other_m, extent_m) = other.map_or((0.0, 0.0), |(heading, theirs)| {
+            (theirs.towards_m(-normal.dot(&heading)), theirs.extent_m())
+        });
+        (own_m + other_m, mine.extent_m() + extent_m)
     };
     let robots = near.iter().filter_map(move |n| {
         let other = &fleet[n.index];
         // What it may move beyond what is known, and our share of what that leaves: one that is not ours
         // uses up what it can reach until the command has acted, and leaves us the whole rest.
         let (unknown_m, share) = match law.foreign_speed_mps[n.index] {
-            Some(speed_mps) => (other.uncertainty_m + law.foreign_periods * law.period_s * speed_mps, 1.0),
+            Some(speed_mps) => (other.uncertainty_m + law.foreign_s * speed_mps, 1.0),
             None if other.has(state_flags::VALID) => (0.0, 0.5),
-            None => (UNTRUSTED_PERIODS * law.period_s * law.limits.speed_mps(), 0.5),
+            None => (law.untrusted_m, 0.5),
         };
         let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown_m;
-        (n.distance_m <= reach(required_m, share)).then(|| Body {
-            normal: away(here - other.position_m(), n.distance_m, own.id, other.id),
-            gap_m: n.distance_m - required_m,
-            share,
-            anywhere: unknown_m > 0.0 && n.distance_m < required_m,
+        (n.distance_m <= reach(required_m, share)).then(|| {
+            let normal = away(here - other.position_m(), n.distance_m, own.id, other.id);
+            let (doubt_m, extent_m) = doubt(normal, Some((unit(other.theta_rad), law.reach(other))));
+            let gap_m = n.distance_m - required_m - doubt_m;
+            Body {
+                normal,
+                gap_m,
+                share,
+                anywhere: unknown_m > 0.0 && gap_m < 0.0,
+                blind: extent_m / n.distance_m.max(COINCIDENT_M),
+            }
         })
     });
     let obstacles = law.obstacles.iter().filter_map(move |obstacle| {
         let required_m = law.limits.safety_margin_m + own.radius_m + obstacle.reach_m();
         let offset = here - obstacle.closest_core_point(here);
         let distance_m = offset.norm();
-        (distance_m <= reach(required_m, 1.0)).then(|| Body {
-            normal: away(offset, distance_m, 0, 1),
-            gap_m: distance_m - required_m,
-            share: 1.0,
-            anywhere: false,
+        (distance_m <= reach(required_m, 1.0)).then(|| {
+            let normal = away(offset, distance_m, 0, 1);
+            let (doubt_m, extent_m) = doubt(normal, None);
+            Body {
+                normal,
+                gap_m: distance_m - required_m - doubt_m,
+                share: 1.0,
+                anywhere: false,
+                blind: extent_m / distance_m.max(COINCIDENT_M),
+            }
         })
     });
     robots.chain(obstacles)
@@ -86,21 +111,33 @@ pub(super) fn bodies<'a>(
 
 /// How fast a body is approached by unit speed at the turn rate `omega_radps`.
 pub(super) fn approach(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
+    if let Some(margin) = &law.margin {
+        return approach_disturbed(margin, theta_rad, body);
+    }
     match law.control.barrier {
         BarrierForm::Linear if !body.anywhere => {
             let (n, h) = (body.normal, unit(theta_rad));
             approach_linear(n.dot(&h), n.perp(&h), law.limits.turn_rate_radps(), law.period_s)
         }
-        _ => approach_at(theta_rad, omega_radps, body, law.period_s),
+        _ => approach_at(law, theta_rad, omega_radps, body),
     }
 }
 
-/// The exact form, whatever the programme used.
-pub(super) fn approach_at(theta_rad: f64, omega_radps: f64, body: &Body, period_s: f64) -> Approach {
-    if body.anywhere {
-        return Approach { forward: period_s, backward: period_s };
+/// The form for robots that are disturbed: whatever the turn rates, for all time.
+fn approach_disturbed(margin: &Margin, theta_rad: f64, body: &Body) -> Approach {
+    let blind = if body.anywhere { 1.0 } else { body.blind };
+    margin.approach(body.normal.dot(&unit(theta_rad)), body.gap_m, blind)
+}
+
+/// The exact form, whatever the programme used; that for disturbed robots where they are.
+pub(super) fn approach_at(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
+    if let Some(margin) = &law.margin {
+        return approach_disturbed(margin, theta_rad, body);
     }
-    approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, period_s)
+    if body.anywhere {
+        return Approach { forward: law.period_s, backward: law.period_s };
+    }
+    approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, law.period_s)
 }
 
 /// Fills the safety and comfort rows; false when there is no room for all of them.

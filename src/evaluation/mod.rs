@@ -4,6 +4,8 @@
 //! [`Evaluation`]. Deterministic: everything but the measured times depends on the configuration
 //! alone.
 
+mod world;
+
 use crate::config::Config;
 use crate::controller::{ControllerError, Decision, RobotGroup, Timing};
 use crate::figures::{Accumulator, ControlFigures, LatencyHistogram, LatencyNs};
@@ -11,6 +13,7 @@ use crate::model::{Command, RobotSpec};
 use crate::programme::Programme;
 use crate::wire::{RobotState, StopReason, state_flags};
 use serde::Serialize;
+use world::World;
 
 /// The result of one closed-loop run: one object of the command `eval`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -102,10 +105,12 @@ pub fn run_watched(
     let mut fleet_step_ns = LatencyHistogram::new()?;
     let (mut step_ns, mut steps, mut fallback_commands) = (0u64, 0u64, 0u64);
     let mut next: Vec<RobotState> = fleet.clone();
+    let mut world = World::new(config, &fleet);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a checked, finite duration
     let limit = config.timing.ticks.unwrap_or((config.scenario.duration_s / period_s).ceil() as u64);
 
     for tick in 0..limit {
+        world.show(tick, &mut fleet);
         next.copy_from_slice(&fleet);
         let step_ns_before = step_ns;
         group.solve_watched(&fleet, timing, |index, decision, programme| {
@@ -123,15 +128,18 @@ pub fn run_watched(
         if timing == Timing::Ideal {
             fleet.copy_from_slice(&next);
         }
-        figures.observe_period(tick, &fleet);
-        each(tick, &fleet);
+        let truth = world.truth(&fleet);
+        figures.observe_progress(tick, truth);
+        each(tick, truth);
         let standing = |robot: &RobotState| robot.command() == Command::STOP;
-        if figures.all_arrived() && fleet.iter().chain(&next).all(standing) {
+        if figures.all_arrived() && fleet.iter().chain(&next).all(standing) && world.at_rest() {
+            // The robots stand: what is left of the period adds nothing but the places where they are.
+            world.pass(&mut fleet, &mut figures);
             break;
         }
         // The period passes under the commands in force; then the new ones take over.
+        world.pass(&mut fleet, &mut figures);
         for (robot, new) in fleet.iter_mut().zip(&next) {
-            robot.set_pose(plant.pose(&robot.arc(), period_s));
             robot.set_command(new.command());
             robot.intent = new.intent;
         }

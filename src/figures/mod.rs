@@ -11,7 +11,7 @@ mod latency;
 
 pub use latency::{LatencyHistogram, LatencyNs};
 
-use crate::geometry::{Integration, Pose, Vec2, bearing, min_distance_arcs, wrap};
+use crate::geometry::{Arc, Integration, Pose, Vec2, bearing, min_distance_arcs, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{RobotState, RobotTelemetry, SolveStatus, state_flags};
@@ -165,6 +165,8 @@ pub struct Accumulator {
     limits: Limits,
     obstacles: Vec<Obstacle>,
     tracks: Vec<Track>,
+    /// Room for the motion of one period.
+    arcs: Vec<Arc>,
     /// One bit for each pair of robots and each robot and obstacle.
     violated: Vec<u64>,
     violations: usize,
@@ -193,6 +195,7 @@ impl Accumulator {
             limits: scenario.limits,
             obstacles: scenario.obstacles.clone(),
             tracks,
+            arcs: Vec::with_capacity(n),
             violated: vec![0; (n * (n + scenario.obstacles.len())).div_ceil(64)],
             violations: 0,
             min_clearance_m: f64::INFINITY,
@@ -214,6 +217,16 @@ impl Accumulator {
     /// scenario's order. A robot that gets a new goal begins anew: arrival times and ratios are those of
     /// the last goal.
     pub fn observe_period(&mut self, tick: u64, fleet: &[RobotState]) {
+        self.observe_progress(tick, fleet);
+        let mut arcs = std::mem::take(&mut self.arcs);
+        arcs.clear();
+        arcs.extend(fleet.iter().map(|robot| self.plant.path(&robot.arc())));
+        self.observe_motion(&arcs, self.period_s);
+        self.arcs = arcs;
+    }
+
+    /// Adds where the robots are at `tick` and what they are told, without the motion.
+    pub fn observe_progress(&mut self, tick: u64, fleet: &[RobotState]) {
         let now_s = tick as f64 * self.period_s;
         self.steps += 1;
         for (track, state) in self.tracks.iter_mut().zip(fleet) {
@@ -229,10 +242,14 @@ impl Accumulator {
             track.omega_variation += (state.omega_radps - track.omega_radps).abs();
             track.omega_radps = state.omega_radps;
         }
-        for i in 0..fleet.len().min(self.tracks.len()) {
+    }
+
+    /// Adds the motion along `arcs`, one for each robot in the scenario's order, over `horizon_s`.
+    pub fn observe_motion(&mut self, arcs: &[Arc], horizon_s: f64) {
+        for i in 0..arcs.len().min(self.tracks.len()) {
             if self.tracks[i].id.is_some() {
-                self.pairs_of(i, fleet);
-                self.obstacles_of(i, fleet);
+                self.pairs_of(i, arcs, horizon_s);
+                self.obstacles_of(i, &arcs[i], horizon_s);
             }
         }
     }
@@ -246,37 +263,34 @@ impl Accumulator {
         }
     }
 
-    fn pairs_of(&mut self, i: usize, fleet: &[RobotState]) {
-        let a = &fleet[i];
-        let arc = self.plant.path(&a.arc());
-        for (j, b) in fleet.iter().enumerate().take(i) {
+    fn pairs_of(&mut self, i: usize, arcs: &[Arc], horizon_s: f64) {
+        let a = &arcs[i];
+        for (j, b) in arcs.iter().enumerate().take(i) {
             if self.tracks[j].id.is_none() || self.tracks[i].foreign && self.tracks[j].foreign {
                 continue;
             }
             let required = self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m;
-            let apart = (a.position_m() - b.position_m()).norm() - required;
+            let apart = (a.start.position_m - b.start.position_m).norm() - required;
             // Neither this minimum nor a violation can come from further away than they can drive.
-            let reach = (a.v_mps.abs() + b.v_mps.abs()) * self.period_s;
+            let reach = (a.v_mps.abs() + b.v_mps.abs()) * horizon_s;
             if apart - reach > self.min_clearance_m.max(0.0) {
                 continue;
             }
-            let clearance =
-                min_distance_arcs(&arc, &self.plant.path(&b.arc()), self.period_s).upper_m - required;
-            self.note(i * fleet.len() + j, clearance);
+            let clearance = min_distance_arcs(a, b, horizon_s).upper_m - required;
+            self.note(i * arcs.len() + j, clearance);
         }
     }
 
-    fn obstacles_of(&mut self, i: usize, fleet: &[RobotState]) {
-        let arc = self.plant.path(&fleet[i].arc());
-        let robots = fleet.len();
+    fn obstacles_of(&mut self, i: usize, arc: &Arc, horizon_s: f64) {
+        let robots = self.tracks.len();
         for k in 0..self.obstacles.len() {
             let obstacle = self.obstacles[k];
             let required = self.limits.safety_margin_m + self.tracks[i].radius_m + obstacle.reach_m();
             let apart = obstacle.core_distance(arc.start.position_m) - required;
-            if apart - arc.v_mps.abs() * self.period_s > self.min_clearance_m.max(0.0) {
+            if apart - arc.v_mps.abs() * horizon_s > self.min_clearance_m.max(0.0) {
                 continue;
             }
-            let clearance = obstacle.min_core_distance(&arc, self.period_s).upper_m - required;
+            let clearance = obstacle.min_core_distance(arc, horizon_s).upper_m - required;
             self.note(robots * robots + i * self.obstacles.len() + k, clearance);
         }
     }

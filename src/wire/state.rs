@@ -62,7 +62,9 @@ pub struct RobotState {
     /// Radius of the body, m.
     pub radius_m: f64,
     /// How far a foreign robot may have moved from this pose by `t_k`, m: its speed bound times the
-    /// age of its last good observation; +∞ before the first. 0 for the robots of the fleet.
+    /// age of its last good observation; +∞ before the first. For the robots of the fleet what they may
+    /// still travel after `t_k` on earlier commands than the one held: 0 unless `[robust]` allows for lag
+    /// or delay.
     pub uncertainty_m: f64,
     /// What the robot meant to do when it chose its command.
     pub intent: RobotIntent,

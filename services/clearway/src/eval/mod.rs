@@ -150,6 +150,7 @@ fn configure(args: &Args, name: &str, point: &Point) -> Result<Config> {
             return Err(miette!(help = "leave one of them out", "{key} is swept and given as well"));
         }
     }
+    config.check_robust()?;
     Ok(config)
 }
 
