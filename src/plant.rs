@@ -7,6 +7,8 @@
 //! allocates only when it is made.
 
 use crate::actuation::{Gate, Refusal};
+use crate::config::DisturbanceConfig;
+use crate::disturbance::DisturbedFleet;
 use crate::geometry::{Arc, Integration, Pose};
 use crate::model::{Command, Limits, RobotId};
 use crate::scenario::Scenario;
@@ -20,6 +22,29 @@ pub struct Plant {
     limits: Limits,
     max_hold_ns: u64,
     robots: Vec<(Pose, Gate)>,
+    disturbed: Option<Disturbed>,
+}
+
+/// Robots that are disturbed, moved in equal steps from `start_ns` on.
+#[derive(Debug, Clone)]
+struct Disturbed {
+    fleet: DisturbedFleet,
+    start_ns: u64,
+    period_ns: u64,
+    steps: u64,
+}
+
+impl Disturbed {
+    /// When step `step` begins, ns.
+    fn at_ns(&self, step: u64) -> u64 {
+        let since = u128::from(step) * u128::from(self.period_ns) / u128::from(DisturbedFleet::STEPS);
+        self.start_ns.saturating_add(u64::try_from(since).unwrap_or(u64::MAX))
+    }
+
+    /// The period that a step belongs to.
+    fn instant(&self) -> u64 {
+        self.steps / u64::from(DisturbedFleet::STEPS)
+    }
 }
 
 impl Plant {
@@ -32,7 +57,8 @@ impl Plant {
             .iter()
             .map(|robot| (robot.start, Gate::new(robot.id, scenario.limits, max_hold_ns)))
             .collect();
-        Self { now_ns, integration: Integration::Exact, limits: scenario.limits, max_hold_ns, robots }
+        let (integration, limits, disturbed) = (Integration::Exact, scenario.limits, None);
+        Self { now_ns, integration, limits, max_hold_ns, robots, disturbed }
     }
 
     /// Moves its robots by `integration`; exactly where this is not said. A step is what an input
@@ -48,6 +74,9 @@ impl Plant {
     pub fn with_places(mut self, places: usize) -> Self {
         let idle = (Pose::default(), Gate::new(RobotId(NO_ROBOT), self.limits, self.max_hold_ns));
         self.robots.resize(places.max(self.robots.len()), idle);
+        if let Some(disturbed) = &mut self.disturbed {
+            disturbed.fleet.make_room(places);
+        }
         self
     }
 
@@ -56,11 +85,38 @@ impl Plant {
         if let Some(robot) = self.robots.get_mut(index) {
             *robot = (pose, Gate::new(id, self.limits, self.max_hold_ns));
         }
+        if let Some(disturbed) = &mut self.disturbed {
+            disturbed.fleet.place(index, id, pose);
+        }
+    }
+
+    /// Disturbs its robots as `config` says, with periods of `period_ns` from now on; where that asks for
+    /// nothing they stay ideal.
+    ///
+    /// They move in steps of a 32nd of a period, and their poses are those at the last step.
+    #[must_use]
+    pub fn disturbed(self, scenario: &Scenario, config: &DisturbanceConfig, period_ns: u64) -> Self {
+        let fleet = || DisturbedFleet::new(scenario, config, period_ns as f64 * 1e-9);
+        let disturbed = (!config.amplitude.is_none()).then(|| Disturbed {
+            fleet: fleet(),
+            start_ns: self.now_ns,
+            period_ns,
+            steps: 0,
+        });
+        Self { disturbed, ..self }
     }
 
     /// Pose of the `index`-th robot of the scenario, at the time of the last advance.
     pub fn pose(&self, index: usize) -> Option<Pose> {
         self.robots.get(index).map(|(pose, _)| *pose)
+    }
+
+    /// Pose of the `index`-th robot as it is seen: with noise where that is asked for.
+    pub fn seen(&self, index: usize) -> Option<Pose> {
+        match &self.disturbed {
+            Some(disturbed) => disturbed.fleet.seen(index, disturbed.instant()),
+            None => self.pose(index),
+        }
     }
 
     /// Poses of all robots, in the scenario's order.
@@ -87,6 +143,19 @@ impl Plant {
 
     /// Moves every robot on to `to_ns`; does nothing when that time has passed.
     pub fn advance(&mut self, to_ns: u64) {
+        if let Some(disturbed) = &mut self.disturbed {
+            while disturbed.at_ns(disturbed.steps + 1) <= to_ns {
+                let (from, end) = (disturbed.at_ns(disturbed.steps), disturbed.at_ns(disturbed.steps + 1));
+                let robots = &mut self.robots;
+                disturbed.fleet.step(|index| robots[index].1.input(from.midpoint(end)));
+                disturbed.steps += 1;
+            }
+            for (index, (pose, _)) in self.robots.iter_mut().enumerate() {
+                *pose = disturbed.fleet.pose(index).unwrap_or(*pose);
+            }
+            self.now_ns = self.now_ns.max(to_ns);
+            return;
+        }
         for (pose, gate) in &mut self.robots {
             let mut at_ns = self.now_ns;
             while at_ns < to_ns {

@@ -11,7 +11,7 @@ use crate::admission::{Admission, Rejections};
 use crate::channel::ObservationReader;
 use crate::config::SourceConfig;
 use crate::geometry::{Arc, Pose};
-use crate::model::{Command, RobotId, RobotSpec};
+use crate::model::{Command, Disturbance, RobotId, RobotSpec};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand, RobotState, state_flags};
@@ -61,8 +61,8 @@ fn set_pose(state: &mut RobotState, pose: Pose, uncertainty_m: f64, valid: bool)
 impl StateSource for Plant {
     fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
         self.advance(instant.release_ns);
-        for (state, pose) in states.iter_mut().zip(self.poses()) {
-            if !state.has(state_flags::VACANT) {
+        for (index, state) in states.iter_mut().enumerate() {
+            if let Some(pose) = self.seen(index).filter(|_| !state.has(state_flags::VACANT)) {
                 set_pose(state, pose, 0.0, true);
             }
         }
@@ -173,6 +173,12 @@ impl Observed {
             foreign_speed_mps: (0..robots).map(foreign).collect(),
             samples_max: SAMPLES_PER_ROBOT * robots,
         }
+    }
+
+    /// Accepts positions that jump by what these bounds explain as well.
+    #[must_use]
+    pub fn tolerating(self, bounds: &Disturbance) -> Self {
+        Self { admission: self.admission.tolerating(bounds), ..self }
     }
 
     /// Where robot `index`, last seen at a pose and its stamp, is at `release_ns`.

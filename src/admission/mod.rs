@@ -17,7 +17,7 @@ pub use rejection::{Rejection, Rejections};
 
 use crate::config::SourceConfig;
 use crate::geometry::Pose;
-use crate::model::RobotSpec;
+use crate::model::{Disturbance, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{ObservationHeader, RobotObservation};
 use track::{Bounds, Track};
@@ -96,6 +96,14 @@ impl Admission {
         if let Some(track) = self.tracks.get_mut(index) {
             *track = Track::new(Pose::default(), self.bounds);
         }
+    }
+
+    /// Accepts what noise and slip within `bounds` explain: a robot that seems to have driven further.
+    #[must_use]
+    pub fn tolerating(mut self, bounds: &Disturbance) -> Self {
+        self.bounds.tolerate(bounds);
+        self.tracks.iter_mut().for_each(|track| track.tolerate(bounds));
+        self
     }
 
     /// Takes one sample of writer `writer`, received at `now_ns` by a daemon whose run is `epoch`.

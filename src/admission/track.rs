@@ -1,5 +1,6 @@
 use super::Rejection;
 use crate::geometry::Pose;
+use crate::model::Disturbance;
 use crate::wire::ObservationHeader;
 
 /// Samples in a row that must agree with each other before a robot that jumped is believed again.
@@ -10,6 +11,14 @@ const READMIT_SAMPLES: u32 = 5;
 pub(super) struct Bounds {
     pub(super) speed_mps: f64,
     pub(super) margin_m: f64,
+}
+
+impl Bounds {
+    /// Widens them by noise at both ends and by slip on the way.
+    pub(super) fn tolerate(&mut self, disturbed: &Disturbance) {
+        self.margin_m += 2.0 * disturbed.position_m;
+        self.speed_mps *= 1.0 + disturbed.slip;
+    }
 }
 
 /// A pose and when it was true.
@@ -50,6 +59,11 @@ pub(super) struct Track {
 impl Track {
     pub(super) fn new(start: Pose, bounds: Bounds) -> Self {
         Self { start, bounds, writer: 0, sample: None, good: None, quarantine: None }
+    }
+
+    /// Widens the bounds.
+    pub(super) fn tolerate(&mut self, disturbed: &Disturbance) {
+        self.bounds.tolerate(disturbed);
     }
 
     /// The newest accepted pose; none in quarantine.

@@ -89,6 +89,8 @@ pub(super) fn settings(config: &Config) -> Result<Vec<Asked>, ConfigError> {
     realtime(root.section("realtime"), config.realtime.clone());
     controller(root.section("controller"), config.controller);
     config.guidance.read(root.section("guidance"));
+    robust(root.section("robust"), config.robust);
+    disturbance(root.section("disturbance"), config.disturbance);
     source(root.section("source"), config.source);
     telemetry(root.section("telemetry"), config.telemetry);
     admin(root.section("admin"), config.admin);

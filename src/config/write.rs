@@ -53,6 +53,10 @@ mod tests {
         config.guidance.align_cos = -1.0 / 3.0;
         config.source.kind = SourceKind::Observation;
         config.source.max_age_ns = Some(50_000_000);
+        config.robust.position_m = 0.01;
+        config.robust.lag_s = 0.0123;
+        config.disturbance.amplitude.delay_s = 0.01;
+        config.disturbance.seed = 7;
         config.admin.capacity = 40;
         config.channel.prefix = "a \"quoted\" one".to_owned();
         config.channel.depth = Some(9);

@@ -1,8 +1,9 @@
 use super::noise::{Use, symmetric, uniform};
 use crate::config::{DisturbanceConfig, Pattern};
 use crate::geometry::{Arc, Pose, Vec2, unit};
-use crate::model::{Command, Obstacle};
+use crate::model::{Command, Obstacle, RobotId, RobotSpec};
 use crate::scenario::Scenario;
+use crate::wire::NO_ROBOT;
 use std::f64::consts::TAU;
 
 /// Robots whose wheels follow commands late and slip, and whose states are shown with noise.
@@ -41,13 +42,7 @@ impl DisturbedFleet {
         // Rounded down: no later than it says.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to a few periods
         let delayed = (config.amplitude.delay_s / step_s + 1e-9).floor() as usize;
-        let robot = |spec: &crate::model::RobotSpec| Robot {
-            id: spec.id.0,
-            radius_m: spec.radius_m,
-            pose: spec.start,
-            wheels: Command::STOP,
-            waiting: vec![Command::STOP; delayed],
-        };
+        let robot = |spec: &RobotSpec| Robot::at_rest(spec.id.0, spec.radius_m, spec.start, delayed);
         let robots: Vec<Robot> = scenario.robots.iter().map(robot).collect();
         let arcs =
             robots.iter().map(|robot| Arc { start: robot.pose, v_mps: 0.0, omega_radps: 0.0 }).collect();
@@ -65,6 +60,27 @@ impl DisturbedFleet {
     /// Length of a step, s.
     pub fn step_s(&self) -> f64 {
         self.step_s
+    }
+
+    /// Room for as many robots as there are places.
+    pub fn make_room(&mut self, places: usize) {
+        while self.robots.len() < places {
+            self.robots.push(Robot::at_rest(NO_ROBOT, 0.0, Pose::default(), self.delayed));
+            self.arcs.push(Arc { start: Pose::default(), v_mps: 0.0, omega_radps: 0.0 });
+        }
+    }
+
+    /// Puts robot `id` into the `index`-th place, at rest.
+    pub fn place(&mut self, index: usize, id: RobotId, pose: Pose) {
+        if let Some(robot) = self.robots.get_mut(index) {
+            (robot.id, robot.pose, robot.wheels) = (id.0, pose, Command::STOP);
+            robot.waiting.fill(Command::STOP);
+        }
+    }
+
+    /// Id of the robot in the `index`-th place.
+    pub fn id(&self, index: usize) -> Option<u32> {
+        self.robots.get(index).map(|robot| robot.id)
     }
 
     /// True pose of the `index`-th robot.
@@ -142,10 +158,11 @@ impl DisturbedFleet {
     fn towards(&self, index: usize) -> Vec2 {
         let own = &self.robots[index];
         let here = own.pose.position_m;
-        let robots = self.robots.iter().filter(|other| other.id != own.id).map(|other| {
-            let to = other.pose.position_m - here;
-            (to.norm() - other.radius_m, to)
-        });
+        let robots =
+            self.robots.iter().filter(|other| other.id != own.id && other.id != NO_ROBOT).map(|other| {
+                let to = other.pose.position_m - here;
+                (to.norm() - other.radius_m, to)
+            });
         let obstacles = self.obstacles.iter().map(|obstacle| {
             let to = obstacle.closest_core_point(here) - here;
             (to.norm() - obstacle.reach_m(), to)
@@ -161,6 +178,10 @@ fn side(pose: Pose, to: Vec2) -> f64 {
 }
 
 impl Robot {
+    fn at_rest(id: u32, radius_m: f64, pose: Pose, delayed: usize) -> Self {
+        Self { id, radius_m, pose, wheels: Command::STOP, waiting: vec![Command::STOP; delayed] }
+    }
+
     /// The wheels follow `command` for `s` seconds; their mean speeds.
     fn follow(&mut self, command: Command, lag_s: f64, s: f64) -> (f64, f64) {
         if lag_s <= 0.0 {

@@ -6,7 +6,8 @@ use super::event_count::{SPIN_LEAD_NS, Waiting};
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
 use crate::config::{PublishAt, Wakeup};
-use crate::model::{Command, Limits, RobotId};
+use crate::disturbance::Remaining;
+use crate::model::{Command, Disturbance, Limits, RobotId};
 use crate::schedule::Schedule;
 use crate::source::{Instant, StateSource};
 use crate::telemetry::{PeriodRecord, Pool};
@@ -60,6 +61,10 @@ pub(super) struct LoopMemory {
     pub(super) refusals: u64,
     /// The period in which `commands` act, if they went out.
     committed: Option<u64>,
+    /// What robots may still travel on earlier commands; `None` when the rows allow for nothing.
+    remaining: Option<Remaining>,
+    /// The first period that `remaining` does not know.
+    counted_to: u64,
     send_failures: u64,
 }
 
@@ -71,9 +76,51 @@ impl LoopMemory {
         };
         let commands = states.iter().map(first).collect();
         let intents = vec![RobotIntent::default(); states.len()];
-        Self { states, commands, intents, hold: 0, refusals: 0, committed: None, send_failures: 0 }
+        Self {
+            states,
+            commands,
+            intents,
+            hold: 0,
+            refusals: 0,
+            committed: None,
+            remaining: None,
+            counted_to: 0,
+            send_failures: 0,
+        }
+    }
+
+    /// Keeps count of what robots may still travel on commands that act late, within `bounds`.
+    pub(super) fn allowing_for(self, bounds: &Disturbance, period_s: f64) -> Self {
+        let robots = self.states.len();
+        let remaining = (!bounds.is_none()).then(|| Remaining::new(robots, bounds, period_s));
+        Self { remaining, ..self }
+    }
+
+    /// Tells the states what is left to travel at the start of `tick`, and counts the commands that
+    /// they hold over it.
+    fn count_travel(&mut self, tick: u64) {
+        let Some(remaining) = &mut self.remaining else { return };
+        // Of the periods since the last one only the first can have had commands; nothing is left
+        // after some dozens without.
+        let first = self.counted_to.max(tick.saturating_sub(SILENT_PERIODS_MAX));
+        for skipped in first..tick {
+            for (index, command) in self.commands.iter().enumerate() {
+                let held = self.committed == Some(skipped);
+                remaining.hold(index, if held { command.command() } else { Command::STOP });
+            }
+        }
+        for (index, state) in self.states.iter_mut().enumerate() {
+            if !state.has(state_flags::FOREIGN) {
+                state.uncertainty_m = remaining.travel_m(index);
+            }
+            remaining.hold(index, state.command());
+        }
+        self.counted_to = tick + 1;
     }
 }
+
+/// Skipped periods that are counted one by one.
+const SILENT_PERIODS_MAX: u64 = 256;
 
 /// The intent of a robot that stands although it had other plans. Without one it would be taken to
 /// drive to its goal at full speed.
@@ -167,6 +214,7 @@ impl<C: Clock> ControlLoop<C> {
         }
         self.source.observe(instant, &mut memory.states);
         self.carry_out(tick, instant.now_ns);
+        self.memory.count_travel(tick);
         let held = self.memory.hold;
         for state in &mut self.memory.states {
             let arrived = (state.position_m() - state.goal_m()).norm() <= self.tolerance_m;

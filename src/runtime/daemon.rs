@@ -17,6 +17,7 @@ use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
 use super::statistics::Statistics;
 use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
+use super::truth::Truth;
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
@@ -273,6 +274,7 @@ impl Daemon {
                 accumulator: Accumulator::with_places(&config.scenario, robots, period_s)
                     .on_plant(config.source.plant),
                 driven: Driven::default(),
+                truth: Truth::new(config),
                 answers,
                 statistics,
                 fleet: Fleet::default(),

@@ -8,6 +8,7 @@ use super::board::{Board, Released};
 use super::driven::Driven;
 use super::progress::Progress;
 use super::statistics::Statistics;
+use super::truth::Truth;
 use super::watchdog::Change;
 use crate::audit::{AuditReport, Auditor};
 use crate::certificate::Decrease;
@@ -42,6 +43,7 @@ pub(super) struct Housekeeper {
     pub(super) board: Arc<Board>,
     pub(super) accumulator: Accumulator,
     pub(super) driven: Driven,
+    pub(super) truth: Truth,
     pub(super) answers: Answers,
     pub(super) statistics: Statistics,
     pub(super) fleet: Fleet,
@@ -106,6 +108,7 @@ impl Housekeeper {
             auditor,
             driven,
             fleet,
+            truth,
             ..
         } = self;
         let audit = auditor.as_ref().map(Auditor::report).unwrap_or_default();
@@ -125,9 +128,9 @@ impl Housekeeper {
                         ..statistics.add_period(period, answers.get(period.header.tick))
                     };
                     if let Some((tick, states)) = driven.unrecorded(period) {
-                        accumulator.observe_period(tick, states);
+                        truth.observe(accumulator, tick, states);
                     }
-                    accumulator.observe_period(period.header.tick, &period.states);
+                    truth.observe(accumulator, period.header.tick, &period.states);
                     driven.remember(period, statistics.period_s);
                     *fleet = Fleet::of(period, answers.get(period.header.tick));
                     *settled = accumulator.all_arrived() && stands(period);

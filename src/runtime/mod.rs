@@ -36,6 +36,7 @@ mod staging;
 mod starting;
 mod statistics;
 mod threads;
+mod truth;
 mod watchdog;
 mod worker;
 

@@ -107,11 +107,13 @@ pub(super) fn loop_thread(
     let source: Box<dyn StateSource> = match observations {
         None => {
             let plant = Plant::new(scenario, period_ns, start_ns).moved_by(config.source.plant);
+            let plant = plant.disturbed(scenario, &config.disturbance, period_ns);
             Box::new(plant.with_places(common.places()))
         }
         Some(reader) => {
             let places = common.places();
-            Box::new(Observed::with_places(reader, scenario, &config.source, period_ns, places))
+            let observed = Observed::with_places(reader, scenario, &config.source, period_ns, places);
+            Box::new(observed.tolerating(&config.robust))
         }
     };
     // The workers' memory is mapped now and not in period 0.
@@ -131,7 +133,7 @@ pub(super) fn loop_thread(
         wakeup,
         records,
         desk: Arc::clone(&common.desk),
-        memory: LoopMemory::new(common.first_states()),
+        memory: LoopMemory::new(common.first_states()).allowing_for(&config.robust, config.timing.period_s()),
     };
     Some(control_loop.run())
 }
