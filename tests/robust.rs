@@ -4,6 +4,7 @@
 use clearway::certificate::barrier::budget_m;
 use clearway::certificate::robust::Margin;
 use clearway::config::{Config, DisturbanceConfig, Pattern};
+use clearway::controller::Timing;
 use clearway::disturbance::{DisturbedFleet, Remaining};
 use clearway::geometry::{Arc, Pose, Vec2, min_distance_arcs, unit};
 use clearway::model::{Command, Disturbance, Limits, RobotId, RobotSpec};
@@ -29,7 +30,7 @@ fn signal(seed: u64, k: u64) -> f64 {
     let mut z = (seed ^ k.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     let x = 2.0 * ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64 - 1.0;
-    if z & 3 == 0 { x } else { x.signum() }
+    if z.trailing_zeros() >= 2 { x } else { x.signum() }
 }
 
 /// Wheels integrated apart from the library's own, in fine steps of `h` seconds.
@@ -84,7 +85,7 @@ proptest! {
         let h = t / per_period as f64;
         let mut wheels = Wheels {
             lag_s: bounds.lag_s * share,
-            late: (bounds.delay_s * share / h).floor() as usize,
+            late: (1..=per_period).filter(|k| *k as f64 * h <= bounds.delay_s * share).count(),
             v_mps: 0.0,
             omega_radps: 0.0,
         };
@@ -174,7 +175,7 @@ fn press(
     let robots = n as usize;
     let mut held = vec![Command::STOP; robots];
     let (mut closest, mut driven) = (f64::INFINITY, 0.0);
-    for tick in 0..600u64 {
+    for tick in 0..400u64 {
         // What is seen, carried to the end of the period, and where it may be from there.
         let seen: Vec<(Pose, _)> = (0..robots)
             .map(|i| {
@@ -219,10 +220,10 @@ fn press(
         for _ in 0..DisturbedFleet::STEPS {
             let step_s = world.step_s();
             let arcs = world.step(|i| held[i]);
-            for i in 0..arcs.len() {
-                driven += arcs[i].v_mps.abs() * step_s;
-                for j in 0..i {
-                    closest = f64::min(closest, min_distance_arcs(&arcs[i], &arcs[j], step_s).lower_m - rho);
+            for (i, arc) in arcs.iter().enumerate() {
+                driven += arc.v_mps.abs() * step_s;
+                for other in &arcs[..i] {
+                    closest = f64::min(closest, min_distance_arcs(arc, other, step_s).lower_m - rho);
                 }
             }
         }
@@ -260,7 +261,7 @@ fn pressing_crowd_keeps_its_distance_under_every_disturbance_within_the_bounds()
                 runs += 1;
                 let (closest, driven) = press(bounds, bounds.scaled(share), pattern, v_min, gamma, runs);
                 assert!(closest >= -1e-9, "{closest}: {bounds:?} {pattern:?} {v_min} {gamma} {share}");
-                assert!(driven > 10.0, "they have to move: {driven} {bounds:?} {pattern:?} {v_min} {gamma}");
+                assert!(driven > 8.0, "they have to move: {driven} {bounds:?} {pattern:?} {v_min} {gamma}");
             }
         }
     }
@@ -287,7 +288,7 @@ fn bounds_of_zero_change_no_bit() {
     let run = |set: &[&str]| {
         let mut fleets = Vec::new();
         let config = Config::with_overrides(None, set).unwrap();
-        clearway::evaluation::run(&config, Default::default(), |_, fleet| fleets.push(fleet.to_vec()))
+        clearway::evaluation::run(&config, Timing::default(), |_, fleet| fleets.push(fleet.to_vec()))
             .unwrap();
         fleets
     };

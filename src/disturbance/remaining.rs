@@ -69,7 +69,7 @@ mod tests {
             for share in [share, 1.0] {
                 let (steps, mut wheel, mut travel) = (2000usize, 0.0f64, 0.0);
                 let h = t / steps as f64;
-                let late = (delay_s * share / h).floor() as usize;
+                let late = (0..steps).filter(|k| (*k + 1) as f64 * h <= delay_s * share).count();
                 for k in 0..steps * (speeds.len() + 40) {
                     let command = k.checked_sub(late).and_then(|k| speeds.get(k / steps)).map_or(0.0, |v| v.abs());
                     let lag = lag_s * share;
