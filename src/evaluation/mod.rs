@@ -4,7 +4,10 @@
 //! [`Evaluation`]. Deterministic: everything but the measured times depends on the configuration
 //! alone.
 
+mod trace;
 mod world;
+
+pub use trace::{Contact, Other, Period, Sample, Trace, trace};
 
 use crate::config::Config;
 use crate::controller::{ControllerError, Decision, RobotGroup, Timing};

@@ -76,8 +76,7 @@ impl Canvas<'_> {
         if points.len() < 2 {
             return;
         }
-        let mut through: Vec<(i32, i32)> = points.iter().copied().map(units).collect();
-        through.dedup();
+        let through: Vec<(i32, i32)> = simplified(points).into_iter().map(units).collect();
         let pen = stroke(style.colour, style.width_px);
         match style.dash.lengths_px() {
             None => drawn(self.area.draw(&PathElement::new(through, pen))),
@@ -139,6 +138,30 @@ impl Canvas<'_> {
         let style = font.color(&colour(c, 1.0)).pos(Pos::new(horizontal, VPos::Center));
         drawn(self.area.draw(&Text::new(words.to_owned(), units(at), style)));
     }
+}
+
+/// The line without the points that nobody would miss (Ramer, Douglas and Peucker).
+fn simplified(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    const MISSED_PX: f64 = 0.06;
+    let mut kept = vec![false; points.len()];
+    let last = points.len() - 1;
+    (kept[0], kept[last]) = (true, true);
+    let mut open = vec![(0, last)];
+    while let Some((from, to)) = open.pop() {
+        let (a, b) = (points[from], points[to]);
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let off = |p: (f64, f64)| {
+            let along = (p.0 - a.0) * dx + (p.1 - a.1) * dy;
+            let t = (along / (dx * dx + dy * dy).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            (p.0 - a.0 - t * dx).hypot(p.1 - a.1 - t * dy)
+        };
+        let between = (from + 1..to).map(|k| (k, off(points[k])));
+        if let Some((k, _)) = between.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, px)| *px > MISSED_PX) {
+            kept[k] = true;
+            open.extend([(from, k), (k, to)]);
+        }
+    }
+    points.iter().zip(kept).filter_map(|(point, kept)| kept.then_some(*point)).collect()
 }
 
 fn escaped(text: &str) -> String {

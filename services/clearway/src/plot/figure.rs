@@ -56,11 +56,26 @@ impl Figure {
         Self { panel_height_px, ..self }
     }
 
+    /// As wide as this, px.
+    #[must_use]
+    pub(crate) fn width(self, width_px: f64) -> Self {
+        Self { width_px, ..self }
+    }
+
     /// With one panel more.
     #[must_use]
     pub(crate) fn with(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
         self
+    }
+
+    /// What the lines and marks stand for, as CSV with one point a row, to draw it with other tools.
+    pub(crate) fn csv(&self) -> String {
+        let mut out = "panel,series,x_axis,y_axis,x,y\n".to_owned();
+        for (k, panel) in self.panels.iter().enumerate() {
+            panel.rows(k + 1, &mut out);
+        }
+        out
     }
 
     /// The figure as SVG: the same bytes for the same figure.
@@ -178,10 +193,21 @@ mod tests {
     }
 
     #[test]
+    fn the_data_beside_a_figure_is_what_it_shows() {
+        let csv = sample().csv();
+        let mut rows = csv.lines();
+        assert_eq!(rows.next(), Some("panel,series,x_axis,y_axis,x,y"));
+        assert_eq!(rows.next(), Some("a < b & c,line 0,time [s],solve time [ns],0,1"));
+        assert_eq!(rows.clone().filter(|row| row.contains(",line 3,")).count(), 200);
+        assert_eq!(rows.last(), Some("2,contact,x [m],y [m],9,9"));
+    }
+
+    #[test]
     fn nothing_is_drawn_outside_of_the_frame() {
         let mut panel =
             Panel::new(Axis::linear("x", "").from(0.0).to(1.0), Axis::linear("y", "").from(0.0).to(1.0));
         panel.curve(
+            "",
             vec![(-5.0, 0.5), (5.0, 0.5), (f64::NAN, 0.5), (0.5, -7.0), (0.5, 9.0)],
             Style::solid(Colour::INK),
         );

@@ -3,17 +3,19 @@
 use super::axis::Axis;
 use super::canvas::{Align, Canvas};
 use super::style::{Colour, Dash, Marker, SMALL_PX, Style, TEXT_PX, width_px};
+use std::fmt::Write;
 
 /// Points in the units of the axes.
 type Points = Vec<(f64, f64)>;
 
 #[derive(Debug, Clone, PartialEq)]
 enum Item {
-    Line { points: Points, style: Style },
+    Line { name: String, points: Points, style: Style },
     Band { low: Points, high: Points, colour: Colour },
     Disc { centre: (f64, f64), radius: f64, colour: Colour, filled: bool },
-    Mark { at: (f64, f64), marker: Marker, colour: Colour, size_px: f64 },
+    Mark { name: String, at: (f64, f64), marker: Marker, colour: Colour, size_px: f64 },
     Level { at: f64, words: String },
+    Moment { at: f64, words: String },
     Note { at: (f64, f64), words: String },
 }
 
@@ -55,12 +57,12 @@ impl Panel {
     /// A line through `points`, in the legend under `name`.
     pub(crate) fn line(&mut self, name: &str, points: Points, style: Style) {
         self.sample(name, Sample::Line(style));
-        self.curve(points, style);
+        self.curve(name, points, style);
     }
 
-    /// A line without a name.
-    pub(crate) fn curve(&mut self, points: Points, style: Style) {
-        self.items.push(Item::Line { points, style });
+    /// A line that is not in the legend; its name is for the data beside the figure.
+    pub(crate) fn curve(&mut self, name: &str, points: Points, style: Style) {
+        self.items.push(Item::Line { name: name.to_owned(), points, style });
     }
 
     /// The space between two lines that have the same abscissae.
@@ -73,7 +75,7 @@ impl Panel {
         self.items.push(Item::Disc { centre, radius, colour, filled });
     }
 
-    /// Marks, in the legend under `name`; no name, no entry.
+    /// Marks, in the legend under `name`, whether there is one or not; no name, no entry.
     pub(crate) fn marks(
         &mut self,
         name: &str,
@@ -85,12 +87,18 @@ impl Panel {
         if !name.is_empty() {
             self.sample(name, Sample::Mark(marker, colour, size_px));
         }
-        self.items.extend(at.iter().map(|at| Item::Mark { at: *at, marker, colour, size_px }));
+        let mark = |at: &(f64, f64)| Item::Mark { name: name.to_owned(), at: *at, marker, colour, size_px };
+        self.items.extend(at.iter().map(mark));
     }
 
     /// A horizontal reference line with words above it.
     pub(crate) fn level(&mut self, at: f64, words: &str) {
         self.items.push(Item::Level { at, words: words.to_owned() });
+    }
+
+    /// A vertical reference line with words beside its upper end.
+    pub(crate) fn moment(&mut self, at: f64, words: &str) {
+        self.items.push(Item::Moment { at, words: words.to_owned() });
     }
 
     /// Words centred at a place.
@@ -104,6 +112,26 @@ impl Panel {
         }
     }
 
+    /// The lines and marks as rows of a table: panel, series, x, y, each with what the axes measure.
+    pub(super) fn rows(&self, number: usize, out: &mut String) {
+        let title = if self.title.is_empty() { number.to_string() } else { self.title.clone() };
+        let head = |series: &str| [&title, series, self.x.label(), self.y.label()].map(quoted).join(",");
+        for item in &self.items {
+            let (name, points) = match item {
+                Item::Line { name, points, .. } => (name.as_str(), points.as_slice()),
+                Item::Mark { name, at, .. } if !name.is_empty() => (name.as_str(), std::slice::from_ref(at)),
+                Item::Band { low, high, .. } => {
+                    for (name, points) in [("band, low", low), ("band, high", high)] {
+                        write_rows(out, &head(name), points);
+                    }
+                    continue;
+                }
+                _ => continue,
+            };
+            write_rows(out, &head(name), points);
+        }
+    }
+
     pub(super) fn legend(&self) -> impl Iterator<Item = &(String, Sample)> {
         self.legend.iter()
     }
@@ -111,7 +139,7 @@ impl Panel {
     /// The places of everything that the axes have to hold.
     fn places(&self) -> (Vec<f64>, Vec<f64>) {
         let mut at: Points = Vec::new();
-        let mut levels = Vec::new();
+        let (mut levels, mut moments) = (Vec::new(), Vec::new());
         for item in &self.items {
             match item {
                 Item::Line { points, .. } => at.extend(points),
@@ -121,9 +149,10 @@ impl Panel {
                 }
                 Item::Mark { at: place, .. } | Item::Note { at: place, .. } => at.push(*place),
                 Item::Level { at, .. } => levels.push(*at),
+                Item::Moment { at, .. } => moments.push(*at),
             }
         }
-        let xs = at.iter().filter_map(|(x, _)| self.x.place(*x)).collect();
+        let xs = at.iter().map(|(x, _)| *x).chain(moments).filter_map(|x| self.x.place(x)).collect();
         let ys = at.iter().map(|(_, y)| *y).chain(levels).filter_map(|y| self.y.place(y)).collect();
         (xs, ys)
     }
@@ -283,7 +312,7 @@ impl Frame {
 
     fn item(&self, canvas: &Canvas<'_>, item: &Item) {
         match item {
-            Item::Line { points, style } => {
+            Item::Line { points, style, .. } => {
                 for piece in self.pieces(points) {
                     canvas.path(&piece, style);
                 }
@@ -303,7 +332,7 @@ impl Frame {
                     canvas.disc(at, radius * self.px_per_unit(), *colour, opacity, 0.9);
                 }
             }
-            Item::Mark { at, marker, colour, size_px } => {
+            Item::Mark { at, marker, colour, size_px, .. } => {
                 if let Some(at) = self.px(*at).filter(|at| self.holds(*at)) {
                     canvas.mark(at, *marker, *colour, *size_px);
                 }
@@ -314,6 +343,22 @@ impl Frame {
                 canvas.path(&[(self.left, y), (self.right, y)], &style);
                 let above = (self.right - 5.0, y - 0.75 * SMALL_PX);
                 canvas.text(words, above, SMALL_PX, Align::Right, Colour::FAINT);
+            }
+            Item::Moment { at, words } => {
+                let Some(x) = self.axes.0.place(*at).map(|at| self.px_x(at)) else { return };
+                if !(self.left..=self.right).contains(&x) {
+                    return;
+                }
+                let style = Style { dash: Dash::Dashed, ..Style::solid(Colour::FAINT).wide(1.0) };
+                canvas.path(&[(x, self.top), (x, self.bottom)], &style);
+                // On the side that has room.
+                let (beside, align) = if x > 0.5 * (self.left + self.right) {
+                    (-5.0, Align::Right)
+                } else {
+                    (5.0, Align::Left)
+                };
+                let at = (x + beside, self.top + 0.9 * SMALL_PX);
+                canvas.text(words, at, SMALL_PX, align, Colour::FAINT);
             }
             Item::Note { at, words } => {
                 if let Some(at) = self.px(*at) {
@@ -333,6 +378,22 @@ impl Frame {
                 last = Some(at);
             }
         }
+    }
+}
+
+fn write_rows(out: &mut String, head: &str, points: &[(f64, f64)]) {
+    for (x, y) in points {
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "{head},{x},{y}");
+    }
+}
+
+/// A field of a CSV file.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 
