@@ -5,8 +5,8 @@ mod bench;
 mod check;
 mod doctor;
 mod eval;
+mod figures;
 mod host;
-#[allow(dead_code, unused_imports, reason = "the style is whole before every part of it has a user")]
 mod plot;
 mod scenario;
 mod summary;
@@ -28,6 +28,7 @@ Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
   clearway doctor                         is this machine fit for real time?
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
+  clearway figures --out figures          the paper's figures, and of your scenarios
   clearway bench solve                    how fast are the solvers here?
   clearway bench wakeup                   how fast do threads wake each other here?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
@@ -40,6 +41,7 @@ enum Command {
     Check(check::Args),
     Doctor(doctor::Args),
     Eval(eval::Args),
+    Figures(figures::Args),
     Scenario(scenario::Args),
 }
 
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         Command::Doctor(args) => return doctor::run(&args).unwrap_or_else(|error| wrong(&error)),
         Command::Check(args) => check::run(&args).map(|()| true).map_err(miette::Report::new),
         Command::Eval(args) => eval::run(&args),
+        Command::Figures(args) => figures::run(&args).map(|()| true),
         Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),
     };
     match done {

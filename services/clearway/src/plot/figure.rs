@@ -90,6 +90,8 @@ impl Figure {
         let rows = self.panels.len().div_ceil(self.columns);
         let panel = (self.width_px / self.columns as f64, self.panel_height_px);
         let size = (self.width_px, (legend_px + rows as f64 * panel.1 + 4.0).ceil());
+        // Axes below each other begin at the same place.
+        let left = self.panels.iter().map(|content| content.left_px(panel.1)).fold(0.0, f64::max);
         let mut frames = Vec::new();
         let svg = Canvas::sheet(&self.title, size, |canvas| {
             for (at, name, sample) in &legend {
@@ -98,7 +100,7 @@ impl Figure {
             for (k, content) in self.panels.iter().enumerate() {
                 let (column, row) = (k % self.columns, k / self.columns);
                 let origin = (column as f64 * panel.0, legend_px + row as f64 * panel.1);
-                frames.push(content.draw(canvas, origin, panel));
+                frames.push(content.draw(canvas, origin, panel, left));
             }
         });
         Rendered { svg, frames, units_per_px: super::canvas::UNITS }
@@ -132,6 +134,11 @@ fn draw_sample(canvas: &Canvas<'_>, at: (f64, f64), name: &str, sample: &Sample)
             if let Some(marker) = style.marker {
                 canvas.mark(middle, marker, style.colour, 6.0);
             }
+        }
+        Sample::Band(colour) => {
+            let (l, r, half) = (at.0, at.0 + SAMPLE_PX, 0.4 * TEXT_PX);
+            let (top, bottom) = (at.1 - half, at.1 + half);
+            canvas.fill(&[(l, top), (r, top), (r, bottom), (l, bottom)], *colour, 0.25);
         }
         Sample::Mark(marker, colour, size_px) => canvas.mark(middle, *marker, *colour, *size_px),
     }

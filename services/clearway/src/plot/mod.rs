@@ -23,6 +23,6 @@ mod panel;
 mod style;
 
 pub(crate) use axis::Axis;
-pub(crate) use figure::{Figure, Rendered};
+pub(crate) use figure::Figure;
 pub(crate) use panel::{Frame, Panel};
 pub(crate) use style::{Colour, Dash, Marker, Style};

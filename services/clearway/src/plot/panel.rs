@@ -17,6 +17,7 @@ enum Item {
     Level { at: f64, words: String },
     Moment { at: f64, words: String },
     Note { at: (f64, f64), words: String },
+    Room(Points),
 }
 
 /// An entry of the legend.
@@ -24,6 +25,7 @@ enum Item {
 pub(super) enum Sample {
     Line(Style),
     Mark(Marker, Colour, f64),
+    Band(Colour),
 }
 
 /// Two axes and what is drawn between them.
@@ -65,8 +67,9 @@ impl Panel {
         self.items.push(Item::Line { name: name.to_owned(), points, style });
     }
 
-    /// The space between two lines that have the same abscissae.
-    pub(crate) fn band(&mut self, low: Points, high: Points, colour: Colour) {
+    /// The space between two lines that have the same abscissae, in the legend under `name`.
+    pub(crate) fn band(&mut self, name: &str, low: Points, high: Points, colour: Colour) {
+        self.sample(name, Sample::Band(Colour::FAINT));
         self.items.push(Item::Band { low, high, colour });
     }
 
@@ -91,14 +94,19 @@ impl Panel {
         self.items.extend(at.iter().map(mark));
     }
 
-    /// A horizontal reference line with words above it.
+    /// A horizontal reference line with words above its left end.
     pub(crate) fn level(&mut self, at: f64, words: &str) {
         self.items.push(Item::Level { at, words: words.to_owned() });
     }
 
-    /// A vertical reference line with words beside its upper end.
+    /// A vertical reference line with words along its lower end.
     pub(crate) fn moment(&mut self, at: f64, words: &str) {
         self.items.push(Item::Moment { at, words: words.to_owned() });
+    }
+
+    /// Places that the axes have to hold, whether something is drawn there or not.
+    pub(crate) fn room(&mut self, places: Points) {
+        self.items.push(Item::Room(places));
     }
 
     /// Words centred at a place.
@@ -118,7 +126,7 @@ impl Panel {
         let head = |series: &str| [&title, series, self.x.label(), self.y.label()].map(quoted).join(",");
         for item in &self.items {
             let (name, points) = match item {
-                Item::Line { name, points, .. } => (name.as_str(), points.as_slice()),
+                Item::Line { name, points, .. } if !name.is_empty() => (name.as_str(), points.as_slice()),
                 Item::Mark { name, at, .. } if !name.is_empty() => (name.as_str(), std::slice::from_ref(at)),
                 Item::Band { low, high, .. } => {
                     for (name, points) in [("band, low", low), ("band, high", high)] {
@@ -142,7 +150,7 @@ impl Panel {
         let (mut levels, mut moments) = (Vec::new(), Vec::new());
         for item in &self.items {
             match item {
-                Item::Line { points, .. } => at.extend(points),
+                Item::Line { points, .. } | Item::Room(points) => at.extend(points),
                 Item::Band { low, high, .. } => at.extend(low.iter().chain(high)),
                 Item::Disc { centre: (x, y), radius, .. } => {
                     at.extend([(x - radius, y - radius), (x + radius, y + radius)]);
@@ -157,19 +165,40 @@ impl Panel {
         (xs, ys)
     }
 
-    /// Draws the panel into the rectangle from `origin` of `size` (px), labels included.
-    pub(super) fn draw(&self, canvas: &Canvas<'_>, origin: (f64, f64), size: (f64, f64)) -> Frame {
-        let (xs, ys) = self.places();
-        let pad = if self.equal { 0.03 } else { 0.0 };
-        let x_span = self.x.span(xs.into_iter(), pad);
-        let y_span = self.y.span(ys.into_iter(), if self.equal { 0.03 } else { 0.05 });
-        let top = if self.title.is_empty() { 8.0 } else { 26.0 };
-        let bottom = 3.6 * TEXT_PX;
-        let rows = ((size.1 - top - bottom) / 45.0).max(2.0);
+    /// Where the axes would have to stand in a panel of this height, px from its left.
+    pub(super) fn left_px(&self, height_px: f64) -> f64 {
+        let (_, ys) = self.places();
+        let span = self.y.span(ys.into_iter(), self.pad().1);
+        let ticks = self.y.ticks(span, self.rows_wanted(height_px));
+        let widest = ticks.labelled.iter().map(|(_, words)| width_px(words, SMALL_PX)).fold(0.0, f64::max);
+        widest + 2.6 * TEXT_PX
+    }
+
+    /// The share of the ranges that is left free at their ends.
+    fn pad(&self) -> (f64, f64) {
+        if self.equal { (0.03, 0.03) } else { (0.0, 0.05) }
+    }
+
+    /// Px above and below the axes.
+    fn margins_px(&self) -> (f64, f64) {
+        (if self.title.is_empty() { 8.0 } else { 26.0 }, 3.6 * TEXT_PX)
+    }
+
+    fn rows_wanted(&self, height_px: f64) -> usize {
+        let (top, bottom) = self.margins_px();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few ticks
-        let y_ticks = self.y.ticks(y_span, rows as usize);
-        let widest = y_ticks.labelled.iter().map(|(_, words)| width_px(words, SMALL_PX)).fold(0.0, f64::max);
-        let left = widest + 2.6 * TEXT_PX;
+        let rows = ((height_px - top - bottom) / 34.0).max(2.0) as usize;
+        rows
+    }
+
+    /// Draws the panel into the rectangle from `origin` of `size` (px), labels included, the axes
+    /// `left` px from its left.
+    pub(super) fn draw(&self, canvas: &Canvas<'_>, origin: (f64, f64), size: (f64, f64), left: f64) -> Frame {
+        let (xs, ys) = self.places();
+        let pad = self.pad();
+        let x_span = self.x.span(xs.into_iter(), pad.0);
+        let y_span = self.y.span(ys.into_iter(), pad.1);
+        let (top, bottom) = self.margins_px();
         let mut frame = Frame {
             left: origin.0 + left,
             top: origin.1 + top,
@@ -179,15 +208,13 @@ impl Panel {
             y_span,
             axes: (self.x.clone(), self.y.clone()),
         };
-        let y_ticks = if self.equal {
+        if self.equal {
             frame.square();
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few ticks
-            self.y.ticks(frame.y_span, rows as usize)
-        } else {
-            y_ticks
-        };
+        }
+        let y_ticks = self.y.ticks(frame.y_span, self.rows_wanted(size.1));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few ticks
-        let x_ticks = self.x.ticks(frame.x_span, ((frame.right - frame.left) / 60.0).max(2.0) as usize);
+        let columns = ((frame.right - frame.left) / 46.0).max(2.0) as usize;
+        let x_ticks = self.x.ticks(frame.x_span, columns);
 
         let grid = Style::solid(Colour::GRID).wide(0.8);
         let upright = |at: f64| [(frame.px_x(at), frame.top), (frame.px_x(at), frame.bottom)];
@@ -341,8 +368,8 @@ impl Frame {
                 let Some(y) = self.axes.1.place(*at).map(|at| self.px_y(at)) else { return };
                 let style = Style { dash: Dash::Dashed, ..Style::solid(Colour::FAINT).wide(1.0) };
                 canvas.path(&[(self.left, y), (self.right, y)], &style);
-                let above = (self.right - 5.0, y - 0.75 * SMALL_PX);
-                canvas.text(words, above, SMALL_PX, Align::Right, Colour::FAINT);
+                let above = (self.left + 5.0, y - 0.75 * SMALL_PX);
+                canvas.text(words, above, SMALL_PX, Align::Left, Colour::FAINT);
             }
             Item::Moment { at, words } => {
                 let Some(x) = self.axes.0.place(*at).map(|at| self.px_x(at)) else { return };
@@ -351,15 +378,10 @@ impl Frame {
                 }
                 let style = Style { dash: Dash::Dashed, ..Style::solid(Colour::FAINT).wide(1.0) };
                 canvas.path(&[(x, self.top), (x, self.bottom)], &style);
-                // On the side that has room.
-                let (beside, align) = if x > 0.5 * (self.left + self.right) {
-                    (-5.0, Align::Right)
-                } else {
-                    (5.0, Align::Left)
-                };
-                let at = (x + beside, self.top + 0.9 * SMALL_PX);
-                canvas.text(words, at, SMALL_PX, align, Colour::FAINT);
+                let at = (x - 0.75 * SMALL_PX, self.bottom - 0.22 * (self.bottom - self.top));
+                canvas.text(words, at, SMALL_PX, Align::Upwards, Colour::FAINT);
             }
+            Item::Room(_) => {}
             Item::Note { at, words } => {
                 if let Some(at) = self.px(*at) {
                     canvas.text(words, at, SMALL_PX, Align::Centre, Colour::INK);

@@ -74,6 +74,7 @@ pub(crate) enum Marker {
     /// A filled square.
     Square,
     /// A filled triangle.
+    #[allow(dead_code, reason = "the style is whole before every part of it has a user")]
     Triangle,
     /// A filled square on its corner.
     Diamond,
@@ -110,6 +111,7 @@ impl Style {
     }
 
     /// The `index`-th of several lines: colour, dashes and marks differ together.
+    #[allow(dead_code, reason = "the style is whole before every part of it has a user")]
     pub(crate) fn nth(index: usize) -> Self {
         const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
         const MARKS: [Marker; 5] =
@@ -122,11 +124,13 @@ impl Style {
     }
 
     /// The same with a mark now and then.
+    #[allow(dead_code, reason = "the style is whole before every part of it has a user")]
     pub(crate) fn marked(self, marker: Marker) -> Self {
         Self { marker: Some(marker), ..self }
     }
 
     /// The same without marks.
+    #[allow(dead_code, reason = "the style is whole before every part of it has a user")]
     pub(crate) fn unmarked(self) -> Self {
         Self { marker: None, ..self }
     }
