@@ -9,9 +9,10 @@ mod world;
 
 pub use trace::{Contact, Other, Period, Sample, Trace, trace};
 
+use crate::certificate::FiniteTime;
 use crate::config::Config;
 use crate::controller::{ControllerError, Decision, RobotGroup, Timing};
-use crate::figures::{Accumulator, ControlFigures, LatencyHistogram, LatencyNs};
+use crate::figures::{Accumulator, Arrival, ControlFigures, LatencyHistogram, LatencyNs};
 use crate::model::{Command, RobotSpec};
 use crate::programme::Programme;
 use crate::wire::{RobotState, StopReason, state_flags};
@@ -31,6 +32,10 @@ pub struct Evaluation {
     pub timing: &'static str,
     /// How the plant moved the robots.
     pub plant: &'static str,
+    /// Robots that arrived within the closed-form bound (14) on the settling time, whatever the law.
+    pub within_bound: usize,
+    /// The same with the time for the first turn on the spot, which (14) does not know, taken off.
+    pub within_bound_after_turn: usize,
     /// What the robots did.
     #[serde(flatten)]
     pub figures: ControlFigures,
@@ -72,6 +77,24 @@ pub fn initial_fleet(config: &Config) -> Vec<RobotState> {
     let mut fleet: Vec<RobotState> = config.scenario.robots.iter().map(observed).collect();
     fleet.resize_with(config.places(), RobotState::vacant);
     fleet
+}
+
+/// How many arrived within (14) from V = ½d² at the start, and within it after the first turn.
+///
+/// (14) counts steps; under logical execution time the first of them begins one period late.
+fn within_bound(config: &Config, timing: Timing, arrivals: impl Iterator<Item = Arrival>) -> (usize, usize) {
+    let law = FiniteTime { c3: config.controller.c3, alpha: config.controller.alpha };
+    let late = u64::from(timing == Timing::LogicalExecutionTime);
+    arrivals.fold((0, 0), |(straight, turned), robot| {
+        let steps = law.settling_bound(0.5 * robot.distance_m * robot.distance_m);
+        let (Some(steps), Some(arrived_s)) = (steps, robot.arrived_s) else { return (straight, turned) };
+        // Half a period: what begins on time does not depend on the last bit.
+        let bound_s = ((steps + late) as f64 + 0.5) * config.timing.period_s();
+        (
+            straight + usize::from(arrived_s <= bound_s),
+            turned + usize::from(arrived_s - robot.first_turn_s <= bound_s),
+        )
+    })
 }
 
 /// Runs `config.scenario` until everybody has arrived and stands, or its time is up.
@@ -147,12 +170,15 @@ pub fn run_watched(
             robot.intent = new.intent;
         }
     }
+    let (within_bound, within_bound_after_turn) = within_bound(config, timing, figures.arrivals());
     Ok(Evaluation {
         scenario: config.scenario.name.clone(),
         profile: config.controller.profile.name(),
         solver: config.controller.solver.name(),
         timing: timing.name(),
         plant: plant.name(),
+        within_bound,
+        within_bound_after_turn,
         figures: figures.finish(),
         fallback_commands,
         solve_ns: solve_ns.summary(),

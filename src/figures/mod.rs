@@ -156,6 +156,17 @@ impl Track {
     }
 }
 
+/// A robot's way, and its arrival.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arrival {
+    /// Straight line from its start to its goal, m.
+    pub distance_m: f64,
+    /// Time for turning on the spot towards the goal at the start, s.
+    pub first_turn_s: f64,
+    /// When it entered the tolerance for good, s; `None`: it did not.
+    pub arrived_s: Option<f64>,
+}
+
 /// Collects a run's figures.
 #[derive(Debug, Clone)]
 pub struct Accumulator {
@@ -314,6 +325,15 @@ impl Accumulator {
     /// Whether every robot that has a goal is inside the tolerance of it.
     pub fn all_arrived(&self) -> bool {
         self.ours().all(|t| t.arrived_s.is_some())
+    }
+
+    /// Every robot of ours: how far it had to drive, and when it arrived.
+    pub fn arrivals(&self) -> impl Iterator<Item = Arrival> {
+        self.ours().map(|track| Arrival {
+            distance_m: (track.goal_m - track.start_m).norm(),
+            first_turn_s: track.first_turn_s,
+            arrived_s: track.arrived_s,
+        })
     }
 
     fn ours(&self) -> impl Iterator<Item = &Track> {

@@ -25,7 +25,9 @@ use trajectory::{Ordered, Trajectory};
 /// The same controller as the daemon's drives the plant under a virtual clock. Prints a table of 80
 /// columns; everything but the times is the same on every run. Columns: runs, robots arrived, pairs that
 /// came too close, smallest gap beyond the required distance over continuous time, last arrival (mean
-/// and worst over the runs), arrival time and length driven over the straight line's, ∫|dω| in rad/s.
+/// and worst over the runs), arrival time and length driven over the straight line's, ∫|dω| in rad/s;
+/// with --wide also robots that stood still for a second away from their goal, and those that arrived
+/// within the paper's bound (14), as such and with the first turn on the spot taken off.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -40,7 +42,7 @@ Examples:
 
 Exit codes: 0 everybody arrived and nobody came too close, 1 not so, 2 the command line or a file is wrong.")]
 pub(crate) struct Args {
-    /// Built-in names, scenario files, folders of scenario files, or `suite`.
+    /// Built-in names, ranges of seeds (random-20-0..49), scenario files, folders of them, or `suite`.
     #[arg(required = true)]
     scenario: Vec<String>,
     /// Control law [certified, paper, exp].

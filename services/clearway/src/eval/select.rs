@@ -10,6 +10,8 @@ pub(super) fn expand(names: &[String]) -> Result<Vec<String>> {
     for name in names {
         if name == "suite" {
             all.extend(Scenario::suite());
+        } else if let Some(members) = seeds(name) {
+            all.extend(members);
         } else if Path::new(name).is_dir() {
             all.extend(files(name)?);
         } else {
@@ -17,6 +19,15 @@ pub(super) fn expand(names: &[String]) -> Result<Vec<String>> {
         }
     }
     Ok(all)
+}
+
+/// The members of `random-20-0..49`, both ends included.
+fn seeds(name: &str) -> Option<Vec<String>> {
+    let (first, last) = name.split_once("..")?;
+    let (stem, first) = first.rsplit_once('-')?;
+    let (first, last): (u64, u64) = (first.parse().ok()?, last.parse().ok()?);
+    (first <= last && last - first < 100_000)
+        .then(|| (first..=last).map(|seed| format!("{stem}-{seed}")).collect())
 }
 
 /// The scenario files of a folder.
@@ -38,4 +49,23 @@ fn files(folder: &str) -> Result<Vec<String>> {
         return Err(miette!(help = help, "{folder} has no .toml file"));
     }
     Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::expand;
+
+    fn names(given: &str) -> Vec<String> {
+        expand(&[given.to_owned()]).unwrap()
+    }
+
+    #[test]
+    fn a_range_of_seeds_is_its_members() {
+        assert_eq!(names("random-8-3..5"), ["random-8-3", "random-8-4", "random-8-5"]);
+        assert_eq!(names("swap8-heading-7..7"), ["swap8-heading-7"]);
+        // What is no range is a name, and has to be one.
+        for name in ["swap8", "../mine.toml", "random-8-5..3", "circle-2..x"] {
+            assert_eq!(names(name), [name]);
+        }
+    }
 }

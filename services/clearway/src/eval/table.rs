@@ -75,10 +75,26 @@ pub(super) fn render(runs: &[Run], all: bool, form: Form) -> String {
     columns.extend(figures(&rows));
     match form {
         Form::Terminal => fit(&mut columns),
-        Form::Wide => {}
-        Form::Markdown => columns.retain(|column| column.head != "steps/s"),
+        Form::Wide => spell_out(&mut columns),
+        Form::Markdown => {
+            columns.retain(|column| column.head != "steps/s");
+            spell_out(&mut columns);
+        }
     }
     if form == Form::Markdown { markdown(&columns) } else { plain(&columns) + &verdict(runs) }
+}
+
+/// The headings as they are where there is room.
+fn spell_out(columns: &mut [Column]) {
+    for column in columns {
+        let full = match column.head.as_str() {
+            "viol." => "violations",
+            "gap m" => "clearance m",
+            "last s" => "makespan s",
+            _ => continue,
+        };
+        full.clone_into(&mut column.head);
+    }
 }
 
 /// Leaves out what there is no room for.
@@ -205,6 +221,12 @@ fn figures(rows: &[Row<'_>]) -> Vec<Column> {
         mean_of("−turn", 6, 2, &|e| e.figures.arrival_ratio_after_turn),
         mean_of("path", 5, 2, &|e| e.figures.path_ratio),
         mean_of("∫|dω|", 5, 2, &|e| Some(e.figures.omega_variation_rad)),
+        column("≤(14)", 9, &|row| {
+            format!("{}/{}", row.sum(|e| e.within_bound), row.sum(|e| e.figures.robots))
+        }),
+        column("−turn ≤(14)", 9, &|row| {
+            format!("{}/{}", row.sum(|e| e.within_bound_after_turn), row.sum(|e| e.figures.robots))
+        }),
         column("steps/s", 8, &|row| {
             let ns = mean(&row.of(&|e| Some(e.step_ns_per_robot as f64 * e.figures.robots as f64)));
             show(ns.map(|ns| 1e9 / ns.max(1.0)), 0)

@@ -235,8 +235,20 @@ impl Panel {
             let beside = (frame.left - 5.0, frame.px_y(*at));
             canvas.text(words, beside, SMALL_PX, Align::Right, Colour::INK);
         }
+        // What the words beside reference lines should not cover.
+        let mut lines: Vec<Points> = Vec::new();
         for item in &self.items {
-            frame.item(canvas, item);
+            match item {
+                Item::Line { points, .. } => lines.extend(frame.pieces(points)),
+                Item::Level { at, .. } => {
+                    let y = self.y.place(*at).map(|at| frame.px_y(at));
+                    lines.extend(y.map(|y| vec![(frame.left, y), (frame.right, y)]));
+                }
+                _ => {}
+            }
+        }
+        for item in &self.items {
+            frame.item(canvas, item, &lines);
         }
         let (l, t, r, b) = (frame.left, frame.top, frame.right, frame.bottom);
         let rim = Style::solid(Colour::INK).wide(0.9);
@@ -337,7 +349,7 @@ impl Frame {
             && (self.top - room..=self.bottom + room).contains(&y)
     }
 
-    fn item(&self, canvas: &Canvas<'_>, item: &Item) {
+    fn item(&self, canvas: &Canvas<'_>, item: &Item, lines: &[Points]) {
         match item {
             Item::Line { points, style, .. } => {
                 for piece in self.pieces(points) {
@@ -368,8 +380,11 @@ impl Frame {
                 let Some(y) = self.axes.1.place(*at).map(|at| self.px_y(at)) else { return };
                 let style = Style { dash: Dash::Dashed, ..Style::solid(Colour::FAINT).wide(1.0) };
                 canvas.path(&[(self.left, y), (self.right, y)], &style);
-                let above = (self.left + 5.0, y - 0.75 * SMALL_PX);
-                canvas.text(words, above, SMALL_PX, Align::Left, Colour::FAINT);
+                let half = 0.5 * width_px(words, SMALL_PX);
+                let above = y - 0.75 * SMALL_PX;
+                let places = [self.right - 5.0 - half, self.left + 5.0 + half].map(|x| (x, above));
+                let at = freest(lines, &places, (half, 0.6 * SMALL_PX));
+                canvas.text(words, at, SMALL_PX, Align::Centre, Colour::FAINT);
             }
             Item::Moment { at, words } => {
                 let Some(x) = self.axes.0.place(*at).map(|at| self.px_x(at)) else { return };
@@ -378,7 +393,11 @@ impl Frame {
                 }
                 let style = Style { dash: Dash::Dashed, ..Style::solid(Colour::FAINT).wide(1.0) };
                 canvas.path(&[(x, self.top), (x, self.bottom)], &style);
-                let at = (x - 0.75 * SMALL_PX, self.bottom - 0.22 * (self.bottom - self.top));
+                let half = 0.5 * width_px(words, SMALL_PX);
+                let height = self.bottom - self.top;
+                let places = [0.3, 0.45, 0.6, 0.75, 0.15, 0.9]
+                    .map(|share| (x - 0.75 * SMALL_PX, self.bottom - share * height));
+                let at = freest(lines, &places, (0.6 * SMALL_PX, half));
                 canvas.text(words, at, SMALL_PX, Align::Upwards, Colour::FAINT);
             }
             Item::Room(_) => {}
@@ -401,6 +420,29 @@ impl Frame {
             }
         }
     }
+}
+
+/// The first of `places` where a box of these half sizes covers none of the lines, or else the one
+/// that covers the fewest points of them.
+fn freest(lines: &[Points], places: &[(f64, f64)], half: (f64, f64)) -> (f64, f64) {
+    let covered = |(x, y): (f64, f64)| {
+        let within = |p: (f64, f64)| (p.0 - x).abs() <= half.0 && (p.1 - y).abs() <= half.1;
+        // Strokes are followed in steps of about a px.
+        let strokes = lines.iter().flat_map(|line| line.windows(2));
+        strokes
+            .map(|ends| {
+                let (a, b) = (ends[0], ends[1]);
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // lengths on a sheet
+                let steps = (b.0 - a.0).hypot(b.1 - a.1).ceil().max(1.0) as u32;
+                let at = |k: u32| {
+                    let t = f64::from(k) / f64::from(steps);
+                    (a.0 + t * (b.0 - a.0), a.1 + t * (b.1 - a.1))
+                };
+                (0..=steps).filter(|k| within(at(*k))).count()
+            })
+            .sum::<usize>()
+    };
+    places.iter().copied().min_by_key(|place| covered(*place)).unwrap_or_default()
 }
 
 fn write_rows(out: &mut String, head: &str, points: &[(f64, f64)]) {
