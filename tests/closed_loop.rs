@@ -244,3 +244,17 @@ fn on_the_papers_plant_the_linear_row_is_safe_and_the_exact_one_is_not() {
     }
     assert!(gap_m("random-20-6", BarrierForm::Exact) < -1e-9);
 }
+
+/// Theorem 2's bound as the paper states it, from each robot's own start.
+#[test]
+fn facing_their_goals_everybody_is_home_within_the_bound_and_not_under_the_exponential_law() {
+    let of = |name: &str, profile: Profile| {
+        let e = evaluate(name, Timing::LogicalExecutionTime, |c| c.controller.profile = profile);
+        (e.within_bound, e.within_bound_after_turn)
+    };
+    assert_eq!(of("swap8", Profile::Certified), (8, 8));
+    assert!(of("swap8", Profile::Exponential).0 < 8);
+    // The bound knows nothing of the turn that comes first.
+    let turned = of("swap8-zero", Profile::Certified);
+    assert!(turned.0 < 8 && turned.1 == 8, "{turned:?}");
+}

@@ -97,6 +97,8 @@ impl Trace {
     }
 
     fn push(&mut self, fleet: &[RobotState], slack_m2: &[f64]) {
+        // Places that nobody has taken have no start, no goal and nobody to come close to.
+        let fleet = &fleet[..fleet.len().min(self.scenario.robots.len())];
         let samples: Vec<Sample> = fleet
             .iter()
             .zip(slack_m2)
@@ -160,6 +162,9 @@ impl Trace {
 }
 
 /// [`run`](super::run) that keeps what every robot did.
+///
+/// Poses are the true ones. Within a period motion is what the plant makes of the input; where
+/// disturbances are set, clearances within a period leave out what they add.
 ///
 /// # Errors
 /// When the controller cannot be built.
