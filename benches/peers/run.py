@@ -98,6 +98,8 @@ def main() -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)
     except (EnvironmentProblemError, ClearwayError) as error:
         print(error, file=sys.stderr)
         sys.exit(2)
