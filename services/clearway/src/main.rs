@@ -7,6 +7,7 @@ mod doctor;
 mod eval;
 mod figures;
 mod host;
+mod operate;
 mod plot;
 mod scenario;
 mod summary;
@@ -26,6 +27,8 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
+  clearway status                         how is the running daemon doing?
+  clearway goal 3 1.5 -2                  send robot 3 to (1.5, -2) m
   clearway doctor                         is this machine fit for real time?
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
   clearway figures --out figures          the paper's figures, and of your scenarios
@@ -33,7 +36,8 @@ Examples:
   clearway bench wakeup                   how fast do threads wake each other here?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 
-Exit codes: 0 done, 1 a run did not pass, 2 the command line or a file is wrong.";
+Exit codes: 0 done, 1 a run did not pass or a daemon refused, 2 the command line or a
+file is wrong, 3 no daemon runs for the fleet, or it does not answer.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -43,6 +47,8 @@ enum Command {
     Eval(eval::Args),
     Figures(figures::Args),
     Scenario(scenario::Args),
+    #[command(flatten)]
+    Operate(operate::Order),
 }
 
 /// The command line, or a file that it names, is wrong.
@@ -55,6 +61,7 @@ fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::Bench(args) => bench::run(&args),
         Command::Doctor(args) => return doctor::run(&args).unwrap_or_else(|error| wrong(&error)),
+        Command::Operate(order) => return operate::run(&order),
         Command::Check(args) => check::run(&args).map(|()| true).map_err(miette::Report::new),
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args).map(|()| true),

@@ -145,6 +145,8 @@ fn health(p: &Progress) -> Vec<String> {
 /// How a run goes, where there is no terminal.
 fn lines(p: &Progress) -> String {
     let mut parts = vec![clocks(p)];
+    parts.extend(p.stopped.then(|| "STOPPED".to_owned()));
+    parts.extend(p.paused.then(|| "PAUSED".to_owned()));
     parts.extend(health(p));
     wrapped(&format!("arrived {}/{}  ", p.arrived, p.robots), "  ", &parts)
 }
