@@ -33,6 +33,7 @@ Examples:
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
   clearway figures --out figures          the paper's figures, and of your scenarios
   clearway bench solve                    how fast are the solvers here?
+  clearway bench latency                  how late, how long, on this machine?
   clearway bench wakeup                   how fast do threads wake each other here?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 

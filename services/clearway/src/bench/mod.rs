@@ -1,5 +1,6 @@
 //! `clearway bench`: how fast, on this machine. A file or folder for each benchmark.
 
+mod latency;
 mod machine;
 mod quantiles;
 mod solve;
@@ -19,12 +20,18 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Bench {
+    Latency(latency::Args),
+    /// A second process of `bench latency`.
+    #[command(hide = true)]
+    LatencyProcess(latency::ProcessArgs),
     Solve(solve::Args),
     Wakeup(wakeup::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<bool> {
     match &args.bench {
+        Bench::Latency(args) => latency::run(args),
+        Bench::LatencyProcess(args) => latency::run_process(args).map(|()| true),
         Bench::Solve(args) => solve::run(args).map(|()| true),
         Bench::Wakeup(args) => wakeup::run(args).map(|()| true),
     }
