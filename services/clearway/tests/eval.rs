@@ -226,3 +226,23 @@ fn the_table_fits_a_terminal_unless_it_is_to_be_wide() {
     assert!(markdown.lines().all(|row| cells(row) == cells(markdown.lines().next().unwrap())));
     assert!(!markdown.contains("steps/s"), "a document is the same on every machine");
 }
+
+#[test]
+fn the_documents_claims_are_what_the_command_prints() {
+    let claims = [
+        "eval",
+        "swap8",
+        "swap8-zero",
+        "swap8-heading-0..99",
+        "--sweep",
+        "controller.profile=certified,exp,paper",
+        "--markdown",
+    ];
+    let table = shown(&clearway(&claims).stdout);
+    assert_eq!(table.lines().count(), 2 + 9, "{table}");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/EVALUATION.md");
+    let document = std::fs::read_to_string(path).unwrap();
+    for row in table.lines() {
+        assert!(document.contains(row), "docs/EVALUATION.md lacks this row of its table:\n{row}");
+    }
+}

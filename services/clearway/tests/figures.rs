@@ -87,7 +87,24 @@ fn every_figure_is_there_with_its_axes_and_legend_and_the_same_bytes_every_time(
         let texts = texts(&files[&format!("{name}.svg")]);
         assert!(!texts.iter().any(|text| text == "bodies collide" || text == "gap too small"), "{name}");
     }
-    assert_eq!(files.len(), 2 * expected.len() + 3, "{:?}", files.keys());
+    // Every period of the first run of each case under each law.
+    for scenario in ["swap8", "swap8-zero", "swap8-heading-0"] {
+        for law in ["certified", "exp", "paper"] {
+            let run = &files[&format!("run-{scenario}-{law}.csv")];
+            let rows: Vec<Vec<f64>> = run
+                .lines()
+                .skip(1)
+                .map(|row| row.split(',').map(|cell| cell.parse().unwrap()).collect())
+                .collect();
+            assert_eq!(rows.len() % 8, 0);
+            assert!(rows.iter().all(|row| row.len() == 10 && row.iter().all(|x| x.is_finite())));
+            let least = rows.iter().map(|row| row[9]).fold(f64::INFINITY, f64::min);
+            assert_eq!(least < 0.0, law == "paper", "{scenario} {law}: {least}");
+            // At the end everybody is inside the tolerance: V = ½ε².
+            assert!(rows[rows.len() - 8..].iter().all(|row| row[7] <= 0.5 * 0.05 * 0.05));
+        }
+    }
+    assert_eq!(files.len(), 2 * expected.len() + 3 + 9, "{:?}", files.keys());
     for (name, text) in files.iter().filter(|(_, text)| text.starts_with("<svg")) {
         assert!(text.len() < 300_000 && !text.contains("NaN"), "{name}: {} bytes", text.len());
     }

@@ -2,6 +2,7 @@
 
 mod cases;
 mod curves;
+mod data;
 mod timelapse;
 mod trajectories;
 
@@ -39,7 +40,7 @@ pub(crate) struct Args {
     /// Seeds of the swap with random headings.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     seeds: u64,
-    /// Write the data of each figure beside it, as CSV.
+    /// Write the data of each figure beside it as CSV, and every period of the runs as run-*.csv.
     #[arg(long)]
     data: bool,
     /// When a command acts: `let` one period after its state, as in the daemon; `ideal` at once.
@@ -89,6 +90,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         save(args, &format!("{name}.svg"), &figure.svg())?;
         if args.data {
             save(args, &format!("{name}.csv"), &figure.csv())?;
+        }
+    }
+    for case in cases.iter().filter(|_| args.data) {
+        for law in LAWS {
+            save(args, &format!("run-{}-{law}.csv", case.slug), &data::csv(&case.under(law)[0]))?;
         }
     }
     for case in &cases {
