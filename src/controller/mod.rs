@@ -138,6 +138,11 @@ impl Law {
         self.margin.map_or(0.0, |margin| margin.spread())
     }
 
+    /// How far a robot at rest may be from where it is seen, m.
+    fn noise_m(&self) -> f64 {
+        self.bounds.map_or(0.0, |bounds| bounds.position_m)
+    }
+
     /// Where a robot may be around its predicted pose.
     fn reach(&self, robot: &RobotState) -> Reach {
         let Some(margin) = &self.margin else { return Reach::default() };

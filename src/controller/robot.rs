@@ -98,7 +98,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState, foreign: bool) -> Neigh
         v_mps: other.v_mps,
         omega_radps: other.omega_radps,
         target_m,
-        required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m,
+        required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m + 2.0 * law.noise_m(),
         arrived: foreign || arrived(law, other),
         intent,
     }
@@ -309,7 +309,7 @@ impl RobotController {
         let own = &fleet[self.index];
         let here = own.position_m();
         // A robot that stands is where it was, whatever the noise says.
-        let doubt_m = law.bounds.map_or(0.0, |bounds| bounds.position_m);
+        let doubt_m = law.noise_m();
         let off_m = (here - own.goal_m()).norm();
         self.settled = off_m <= law.tolerance_m + if self.settled { doubt_m } else { -doubt_m };
         if !law.control.guidance || law.control.profile == Profile::Paper {

@@ -9,6 +9,7 @@ mod figures;
 mod host;
 mod operate;
 mod plot;
+mod robust;
 mod scenario;
 mod summary;
 
@@ -35,6 +36,7 @@ Examples:
   clearway bench solve                    how fast are the solvers here?
   clearway bench latency                  how late, how long, on this machine?
   clearway bench wakeup                   how fast do threads wake each other here?
+  clearway robust                         do disturbed robots keep their distances?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 
 Exit codes: 0 done, 1 a run did not pass or a daemon refused, 2 the command line or a
@@ -47,6 +49,7 @@ enum Command {
     Doctor(doctor::Args),
     Eval(eval::Args),
     Figures(figures::Args),
+    Robust(robust::Args),
     Scenario(scenario::Args),
     #[command(flatten)]
     Operate(operate::Order),
@@ -66,6 +69,7 @@ fn main() -> ExitCode {
         Command::Check(args) => check::run(&args).map(|()| true).map_err(miette::Report::new),
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args).map(|()| true),
+        Command::Robust(args) => robust::run(&args),
         Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),
     };
     match done {
