@@ -30,11 +30,13 @@ pub(super) fn still(case: &Case) -> Figure {
         let period = (last_period(run) * k + (INSTANTS - 1) / 2) / (INSTANTS - 1);
         let mut panel = Panel::plane().titled(&format!("t = {:.2} s", run.time_s(period)));
         obstacles(&mut panel, &run.scenario);
+        // The ways ahead lie below everybody's ways so far.
         for robot in 0..run.scenario.robots.len() {
-            let colour = Colour::nth(robot);
-            // The whole way, so that every panel shows the same piece of the plane.
             let ahead = Style::solid(Colour::GRID).wide(1.0);
             panel.curve("", path(run, robot, run.periods.len()), ahead);
+        }
+        for robot in 0..run.scenario.robots.len() {
+            let colour = Colour::nth(robot);
             panel.curve(&name(run, robot), path(run, robot, period), Style::solid(colour).wide(1.2));
         }
         let margin = |p: &Period, robot: usize| {
