@@ -85,6 +85,69 @@ impl Report {
     }
 }
 
+impl Report {
+    /// What does not add up: counts that contradict each other. Empty for every sound report of a run
+    /// without lost records, however it went.
+    pub fn inconsistencies(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        let mut check = |holds: bool, equation: &str, left: u64, right: u64| {
+            if !holds {
+                found.push(format!("{equation}: {left} and {right}"));
+            }
+        };
+        let every_period = [
+            ("release lateness", &self.release_lateness_ns),
+            ("state published", &self.state_publish_ns),
+            ("state to command", &self.state_to_command_ns),
+            ("deadline lateness", &self.deadline_lateness_ns),
+        ];
+        for (name, times) in every_period {
+            check(times.count == self.ticks, &format!("one {name} a period"), times.count, self.ticks);
+        }
+        let answers = self.ticks * self.workers as u64;
+        check(
+            self.state_to_worker_ns.count <= answers,
+            "answers of workers",
+            self.state_to_worker_ns.count,
+            answers,
+        );
+        check(
+            self.state_to_staged_ns.count <= self.ticks,
+            "periods staged",
+            self.state_to_staged_ns.count,
+            self.ticks,
+        );
+        check(
+            self.solve_ns.count == self.step_ns.count,
+            "solves and steps",
+            self.solve_ns.count,
+            self.step_ns.count,
+        );
+        let steps = self.ticks * self.control.robots as u64;
+        check(self.solve_ns.count <= steps, "solves of robots", self.solve_ns.count, steps);
+        let stops = self.stops.values().sum();
+        check(stops <= self.fallback_commands, "stops by reason", stops, self.fallback_commands);
+        let (missed, skipped) = (self.deadline_misses, self.skipped_periods);
+        check(skipped <= missed, "skipped and missed periods", skipped, missed);
+        check(missed <= skipped + self.ticks, "missed and all periods", missed, skipped + self.ticks);
+        if missed == 0 && self.worker_panics == 0 && self.lost_records == 0 {
+            let staged = self.state_to_staged_ns.count;
+            check(staged == self.ticks, "every period staged", staged, self.ticks);
+            check(stops == self.fallback_commands, "every stop has a reason", stops, self.fallback_commands);
+            let answered = self.state_to_worker_ns.count;
+            check(answered == answers, "every worker answered", answered, answers);
+        }
+        for (name, times) in
+            every_period.into_iter().chain([("solve", &self.solve_ns), ("step", &self.step_ns)])
+        {
+            let ordered = [times.p50, times.p99, times.p999, times.max].is_sorted();
+            check(ordered, &format!("percentiles of {name}"), times.p50, times.max);
+        }
+        check(self.lost_records == 0, "records lost", self.lost_records, 0);
+        found
+    }
+}
+
 /// The kernel's name and release.
 pub fn kernel() -> String {
     let uname = rustix::system::uname();

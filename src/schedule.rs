@@ -1,7 +1,8 @@
 //! When periods start: pure arithmetic on an absolute schedule, `t_k = t_0 + k T`.
 //!
 //! Reads and writes nothing else; nanoseconds in `u64`. At the shortest period of 200 µs the tick
-//! number lasts a hundred million years, and `k T` overflows only with time itself, after 584 years.
+//! number lasts a hundred million years, and `k T` overflows only with time itself, after 584 years:
+//! there both stand still and neither wraps.
 //!
 //! An overrun skips every period that has passed as a whole and keeps the phase:
 //!
@@ -12,13 +13,17 @@
 //! assert_eq!(s.resume(5, 1_820), 8); // 3.2 periods late: 5, 6 and 7 are lost, 8 starts 20 late
 //! ```
 
+/// No period from this one on is released: the two after a period that runs have numbers too, and
+/// `u64::MAX` is nobody's.
+pub const TICK_MAX: u64 = u64::MAX - 2;
+
 /// An absolute, phase-keeping schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[expect(clippy::struct_field_names, reason = "the unit is part of the name")]
 pub struct Schedule {
     start_ns: u64,
     period_ns: u64,
     margin_ns: u64,
+    first_tick: u64,
 }
 
 impl Schedule {
@@ -28,7 +33,18 @@ impl Schedule {
     /// the configuration refuses both before they get here.
     pub fn new(start_ns: u64, period_ns: u64, margin_ns: u64) -> Self {
         let period_ns = period_ns.max(1);
-        Self { start_ns, period_ns, margin_ns: margin_ns.min(period_ns - 1) }
+        Self { start_ns, period_ns, margin_ns: margin_ns.min(period_ns - 1), first_tick: 0 }
+    }
+
+    /// The same with `first_tick` for the number of the first period, at most [`TICK_MAX`].
+    #[must_use]
+    pub fn numbered_from(self, first_tick: u64) -> Self {
+        Self { first_tick: first_tick.min(TICK_MAX), ..self }
+    }
+
+    /// Number of the first period.
+    pub fn first_tick(&self) -> u64 {
+        self.first_tick
     }
 
     /// T, ns.
@@ -38,7 +54,8 @@ impl Schedule {
 
     /// Start `t_k` of period `tick`, ns.
     pub fn release_ns(&self, tick: u64) -> u64 {
-        self.start_ns.saturating_add(tick.saturating_mul(self.period_ns))
+        let since_start = tick.saturating_sub(self.first_tick);
+        self.start_ns.saturating_add(since_start.saturating_mul(self.period_ns))
     }
 
     /// When the output of period `tick` is due, ns.
@@ -114,7 +131,48 @@ mod tests {
         assert!(s.deadline_ns(u64::MAX) < u64::MAX);
     }
 
+    /// Whatever the tick and however near the end of time: no wrap, and never backwards.
+    fn is_sound_around(schedule: Schedule, tick: u64) {
+        let mut before = 0;
+        for tick in (0..6).map(|ahead| tick.saturating_add(ahead).min(TICK_MAX)) {
+            let (release, next) = (schedule.release_ns(tick), schedule.release_ns(tick + 1));
+            assert!(before <= release && release <= next && next <= schedule.release_ns(tick + 2));
+            assert!(schedule.deadline_ns(tick) <= next);
+            // At the end of time the last period is cut short.
+            assert!(schedule.deadline_ns(tick) >= release || next - release < schedule.period_ns());
+            if release < u64::MAX {
+                assert_eq!(schedule.resume(tick, release), tick);
+                assert_eq!(schedule.resume(tick, release.saturating_sub(1)), tick);
+            }
+            assert!(schedule.resume(tick, u64::MAX) >= tick);
+            before = release;
+        }
+    }
+
+    #[test]
+    fn numbers_may_be_as_large_as_they_can() {
+        for edge in [1 << 31, 1 << 32, 1 << 48, 1 << 53, 1 << 63, TICK_MAX] {
+            for first in [edge - 3, edge] {
+                let s = Schedule::new(1 << 40, T, T / 10).numbered_from(first);
+                assert_eq!(s.release_ns(s.first_tick()), 1 << 40);
+                assert_eq!(s.release_ns(s.first_tick() + 1), (1 << 40) + T);
+                is_sound_around(s, s.first_tick());
+                // The same in time: the clock itself is near its end.
+                is_sound_around(Schedule::new(edge - 3, T, T / 10), 0);
+            }
+        }
+    }
+
     proptest! {
+        #[test]
+        fn no_tick_and_no_time_wraps(
+            start in any::<u64>(), first in any::<u64>(), tick in any::<u64>(), period in 1..=1_000_000_000u64,
+        ) {
+            let schedule = Schedule::new(start, period, period / 10).numbered_from(first);
+            is_sound_around(schedule, tick.max(first));
+            is_sound_around(schedule, first.saturating_add(tick % 1_000_000));
+        }
+
         /// Whatever the lateness: never a past tick, never two releases in one period, phase kept.
         #[test]
         fn resumes_in_the_period_whose_time_it_is(

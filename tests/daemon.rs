@@ -5,6 +5,7 @@ mod support;
 use clearway::channel::{ChannelError, CommandReader, StateReader, TelemetryReader, Transport};
 use clearway::runtime::{Daemon, DaemonError, Until};
 use clearway::scenario::Scenario;
+use clearway::schedule::TICK_MAX;
 use clearway::wire::{SolveStatus, StopReason, state_flags};
 use support::{World, config, lanes, straight};
 
@@ -135,4 +136,35 @@ fn a_second_daemon_is_refused_and_learns_who_owns_the_fleet() {
     }
     first.stop();
     assert_eq!(first.join().unwrap().ended_by, "operator");
+}
+
+/// The real daemon, over real time, across 2³² and to the last tick there is.
+#[test]
+fn a_run_may_begin_at_a_large_tick() {
+    for (first_tick, ticks) in [((1 << 32) - 20, 40), ((1 << 63) - 20, 40), (TICK_MAX - 20, 20)] {
+        let world = World::new("large");
+        let mut config = config(&world, lanes(2, 1000.0), 5_000_000);
+        (config.timing.first_tick, config.timing.ticks) = (first_tick, Some(40));
+        let transport = Transport::new(&config.fleet, &config.channel).unwrap();
+        let node = transport.attach("watcher").unwrap();
+        let mut telemetry: TelemetryReader = node.reader_or_create(2).unwrap();
+        let daemon = Daemon::start_with(config, Until::Stopped, straight(5_000_000)).unwrap();
+        let mut seen = Vec::new();
+        loop {
+            let over = daemon.is_finished();
+            while let Some(sample) = telemetry.next().unwrap() {
+                seen.push(sample.header().tick);
+            }
+            if over {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        let report = daemon.join().unwrap();
+        assert_eq!(report.ended_by, "finished");
+        assert_eq!(report.inconsistencies(), Vec::<String>::new());
+        assert!(report.ticks + report.skipped_periods <= ticks && report.ticks > 10);
+        assert_eq!(seen.len() as u64, report.ticks);
+        assert!(seen.is_sorted() && seen.iter().all(|tick| (first_tick..first_tick + ticks).contains(tick)));
+    }
 }

@@ -23,6 +23,8 @@ pub struct TimingConfig {
     pub deadline_margin_ns: Option<u64>,
     /// When commands are published.
     pub publish: PublishAt,
+    /// Number of the first period. Not a key: for runs that begin where numbers get large.
+    pub first_tick: u64,
     /// Worker threads; `None`: as many as the robots and the usable cores allow.
     pub workers: Option<usize>,
     /// Stop after this many periods; `None`: when every robot has arrived or time is up (a built-in
@@ -36,6 +38,7 @@ impl Default for TimingConfig {
             period_ns: 80_000_000,
             deadline_margin_ns: None,
             publish: PublishAt::default(),
+            first_tick: 0,
             workers: None,
             ticks: None,
         }

@@ -132,7 +132,7 @@ impl<C: Clock> ControlLoop<C> {
     /// Runs until a stop is asked for or the last period is over; returns why.
     pub(super) fn run(&mut self) -> StopReason {
         self.publish_start();
-        let mut planned = 0;
+        let mut planned = self.schedule.first_tick();
         loop {
             self.wait_for_release(self.schedule.release_ns(planned));
             let woken_ns = self.clock.now_ns();
@@ -295,16 +295,17 @@ impl<C: Clock> ControlLoop<C> {
         })
     }
 
-    /// The command of period 0: stand still until the first state is answered.
+    /// The command of the first period: stand still until the first state is answered.
     fn publish_start(&mut self) {
+        let first = self.schedule.first_tick();
         let stamp_ns = self.clock.now_ns();
         self.send_commands(&CommandHeader {
             epoch: self.epoch,
-            tick: 0,
+            tick: first,
             stamp_ns,
             state_stamp_ns: stamp_ns,
-            valid_from_ns: self.schedule.release_ns(0),
-            valid_until_ns: self.schedule.release_ns(1),
+            valid_from_ns: self.schedule.release_ns(first),
+            valid_until_ns: self.schedule.release_ns(first + 1),
         });
         self.prepare();
     }
@@ -319,11 +320,11 @@ impl<C: Clock> ControlLoop<C> {
         let stamp_ns = self.clock.now_ns();
         self.send_commands(&CommandHeader {
             epoch: self.epoch,
-            tick: tick + 1,
+            tick: tick.saturating_add(1),
             stamp_ns,
             state_stamp_ns: stamp_ns,
             valid_from_ns: stamp_ns,
-            valid_until_ns: stamp_ns + self.schedule.period_ns(),
+            valid_until_ns: stamp_ns.saturating_add(self.schedule.period_ns()),
         });
     }
 

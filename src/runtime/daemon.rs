@@ -6,26 +6,22 @@ use std::time::{Duration, Instant};
 
 use super::Until;
 use super::admin::{self, admin_thread};
-use super::answers::Answers;
 use super::board::Board;
 use super::decider::Decider;
 use super::desk::Desk;
-use super::driven::Driven;
 use super::error::DaemonError;
-use super::housekeeping::{Findings, Fleet, Forecast, Housekeeper};
+use super::findings::Findings;
+use super::housekeeping::Housekeeper;
 use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
-use super::statistics::Statistics;
-use super::threads::{Common, loop_thread, poll_interval, record_capacity, worker_thread};
-use super::truth::Truth;
+use super::threads::{Common, loop_thread, record_capacity, worker_thread};
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
 use crate::config::{Config, SolverKind};
 use crate::controller::{ControllerError, RobotGroup, RouteShelf, rows_max};
-use crate::figures::Accumulator;
 use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
-use crate::report::{self, Report};
+use crate::report::Report;
 use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{NO_ROBOT, StopReason};
@@ -241,20 +237,11 @@ impl Daemon {
         solves: Vec<Arc<Pool<SolveRecord>>>,
         auditor: Option<Auditor<ClarabelSolver>>,
     ) -> Result<(), DaemonError> {
-        let capacity = record_capacity(&self.config);
         let (common, progress) = (common.clone(), Arc::clone(&self.progress));
         let (ready, readiness) = sync_channel(1);
         let thread = spawn("clearway-house", move || {
-            let config = &common.config;
-            let robots = config.places();
-            let period_s = config.timing.period_s();
-            let prepared = (|| {
-                let node = common.transport.attach("clearwayd-house")?;
-                let (telemetry, checkpoints) = (node.writer(robots)?, node.writer(robots)?);
-                Ok::<_, DaemonError>((node, telemetry, checkpoints, Statistics::new(robots, period_s)?))
-            })();
-            let (node, telemetry, checkpoints, statistics) = match prepared {
-                Ok(prepared) => prepared,
+            let housekeeper = match Housekeeper::new(&common, until, periods, solves, progress, auditor) {
+                Ok(housekeeper) => housekeeper,
                 Err(e) => {
                     let _ = ready.send(Err(e));
                     return None;
@@ -263,28 +250,6 @@ impl Daemon {
             let _ = ready.send(Ok(()));
             // The loop must not run on with nobody to notice that it is to end.
             let stop = StopOnDrop(&common.board);
-            let answers = Answers::new(robots, solves.len(), capacity + 2);
-            let housekeeper = Housekeeper {
-                node,
-                telemetry,
-                checkpoints,
-                periods,
-                solves,
-                board: Arc::clone(&common.board),
-                accumulator: Accumulator::with_places(&config.scenario, robots, period_s)
-                    .on_plant(config.source.plant),
-                driven: Driven::default(),
-                truth: Truth::new(config),
-                answers,
-                statistics,
-                fleet: Fleet::default(),
-                progress,
-                until,
-                settled: false,
-                forecast: Forecast::new(config),
-                poll: poll_interval(config),
-                auditor,
-            };
             let findings = housekeeper.run();
             drop(stop);
             Some(findings)
@@ -328,7 +293,7 @@ impl Daemon {
         let workers = self.workers.len();
         let hung = self.join_workers();
         self.join_admin();
-        Ok(self.report(findings, reason, workers, hung))
+        Ok(findings.report(&self.config, &self.realtime, reason, workers, hung))
     }
 
     /// Waits for the workers, and returns how many of them hang and have to be left behind.
@@ -347,42 +312,6 @@ impl Daemon {
                 Ok(Err(_)) => tracing::error!("the thread that answers operators panicked"),
                 Err(_) => tracing::warn!("the thread that answers operators does not end"),
             }
-        }
-    }
-
-    fn report(&self, findings: Findings, reason: StopReason, workers: usize, workers_hung: usize) -> Report {
-        let Findings { accumulator, statistics, audit } = findings;
-        let config = &self.config;
-        Report {
-            scenario: config.scenario.name.clone(),
-            profile: config.controller.profile.name(),
-            solver: config.controller.solver.name(),
-            control: accumulator.finish(),
-            ended_by: reason.name(),
-            workers,
-            period_ns: config.timing.period_ns,
-            ticks: statistics.ticks,
-            skipped_periods: statistics.skipped_periods,
-            deadline_misses: statistics.deadline_misses,
-            fallback_commands: statistics.fallback_commands,
-            stops: statistics.stops,
-            release_lateness_ns: statistics.release_lateness.summary(),
-            state_publish_ns: statistics.state_publish.summary(),
-            state_to_worker_ns: statistics.state_to_worker.summary(),
-            state_to_staged_ns: statistics.state_to_staged.summary(),
-            state_to_command_ns: statistics.state_to_command.summary(),
-            deadline_lateness_ns: statistics.deadline_lateness.summary(),
-            solve_ns: statistics.solve.summary(),
-            step_ns: statistics.step.summary(),
-            realtime: self.realtime.clone(),
-            rejected_inputs: statistics.rejections,
-            audit,
-            worker_panics: statistics.worker_panics,
-            workers_hung,
-            lost_records: statistics.lost_records,
-            send_failures: statistics.send_failures,
-            kernel: report::kernel(),
-            cpu: report::cpu(),
         }
     }
 }

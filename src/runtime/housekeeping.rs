@@ -6,11 +6,14 @@ use super::Until;
 use super::answers::{Answer, Answers};
 use super::board::{Board, Released};
 use super::driven::Driven;
+use super::error::DaemonError;
+use super::findings::Findings;
 use super::progress::Progress;
 use super::statistics::Statistics;
+use super::threads::{Common, poll_interval, record_capacity};
 use super::truth::Truth;
 use super::watchdog::Change;
-use crate::audit::{AuditReport, Auditor};
+use crate::audit::Auditor;
 use crate::certificate::Decrease;
 use crate::channel::{Attachment, Writer};
 use crate::config::Config;
@@ -35,48 +38,81 @@ const SETTLING_STEPS_MAX: u32 = 250;
 /// The thread that may allocate, format and wait: it turns records into figures, samples on
 /// `telemetry` and log lines.
 pub(super) struct Housekeeper {
-    pub(super) node: Attachment,
-    pub(super) telemetry: Writer<RobotTelemetry>,
-    pub(super) checkpoints: Writer<RobotCheckpoint>,
-    pub(super) periods: Arc<Pool<PeriodRecord>>,
-    pub(super) solves: Vec<Arc<Pool<SolveRecord>>>,
-    pub(super) board: Arc<Board>,
-    pub(super) accumulator: Accumulator,
-    pub(super) driven: Driven,
-    pub(super) truth: Truth,
-    pub(super) answers: Answers,
-    pub(super) statistics: Statistics,
-    pub(super) fleet: Fleet,
-    pub(super) progress: Arc<Mutex<Progress>>,
-    pub(super) until: Until,
+    node: Attachment,
+    telemetry: Writer<RobotTelemetry>,
+    checkpoints: Writer<RobotCheckpoint>,
+    periods: Arc<Pool<PeriodRecord>>,
+    solves: Vec<Arc<Pool<SolveRecord>>>,
+    board: Arc<Board>,
+    accumulator: Accumulator,
+    driven: Driven,
+    truth: Truth,
+    answers: Answers,
+    statistics: Statistics,
+    fleet: Fleet,
+    progress: Arc<Mutex<Progress>>,
+    until: Until,
     /// Every robot has arrived and stands, now and in the next period.
-    pub(super) settled: bool,
-    pub(super) forecast: Forecast,
-    pub(super) poll: Duration,
-    pub(super) auditor: Option<Auditor<ClarabelSolver>>,
-}
-
-/// What housekeeping knows at the end.
-pub(super) struct Findings {
-    pub(super) accumulator: Accumulator,
-    pub(super) statistics: Statistics,
-    pub(super) audit: Option<AuditReport>,
+    settled: bool,
+    forecast: Forecast,
+    poll: Duration,
+    started: Instant,
+    first_tick: u64,
+    auditor: Option<Auditor<ClarabelSolver>>,
 }
 
 impl Housekeeper {
+    /// Makes what it needs: a place in shared memory, its channels, room for the figures.
+    ///
+    /// # Errors
+    /// The reasons for which one of them cannot be made.
+    pub(super) fn new(
+        common: &Common,
+        until: Until,
+        periods: Arc<Pool<PeriodRecord>>,
+        solves: Vec<Arc<Pool<SolveRecord>>>,
+        progress: Arc<Mutex<Progress>>,
+        auditor: Option<Auditor<ClarabelSolver>>,
+    ) -> Result<Self, DaemonError> {
+        let config = &common.config;
+        let robots = config.places();
+        let period_s = config.timing.period_s();
+        let node = common.transport.attach("clearwayd-house")?;
+        Ok(Self {
+            telemetry: node.writer(robots)?,
+            checkpoints: node.writer(robots)?,
+            node,
+            periods,
+            answers: Answers::new(robots, solves.len(), record_capacity(config) + 2),
+            solves,
+            board: Arc::clone(&common.board),
+            accumulator: Accumulator::with_places(&config.scenario, robots, period_s)
+                .on_plant(config.source.plant),
+            driven: Driven::default(),
+            truth: Truth::new(config),
+            statistics: Statistics::new(robots, period_s)?,
+            fleet: Fleet::default(),
+            progress,
+            until,
+            settled: false,
+            forecast: Forecast::new(config),
+            poll: poll_interval(config),
+            started: Instant::now(),
+            first_tick: config.timing.first_tick,
+            auditor,
+        })
+    }
+
     /// Keeps house until the loop has ended and everything it left is read.
     pub(super) fn run(mut self) -> Findings {
-        let started = Instant::now();
-        let mut chores_due = started + CHORES_EVERY;
+        let mut chores_due = self.started + CHORES_EVERY;
         loop {
-            // Looked at first: what was left before the end is then read below.
+            // Looked at first: what was left before the end is then read in the round.
             let over = self.board.released(None) == Released::Over;
-            self.drain();
-            if let Some(auditor) = &mut self.auditor {
-                auditor.audit(if over { usize::MAX } else { AUDITS_A_ROUND });
+            self.round();
+            if over && let Some(auditor) = &mut self.auditor {
+                auditor.audit(usize::MAX);
             }
-            self.statistics.lost_records = self.lost();
-            self.show(started);
             if self.until == Until::Arrived && self.settled {
                 self.board.request_stop(StopReason::Finished);
             }
@@ -94,6 +130,16 @@ impl Housekeeper {
         }
     }
 
+    /// Reads what has been left, and shows how the run is going.
+    pub(super) fn round(&mut self) {
+        self.drain();
+        if let Some(auditor) = &mut self.auditor {
+            auditor.audit(AUDITS_A_ROUND);
+        }
+        self.statistics.lost_records = self.lost();
+        self.show();
+    }
+
     fn drain(&mut self) {
         let Self {
             periods,
@@ -109,8 +155,11 @@ impl Housekeeper {
             driven,
             fleet,
             truth,
+            first_tick,
             ..
         } = self;
+        // Figures count time from the start of the run.
+        let since_start = |tick: u64| tick.saturating_sub(*first_tick);
         let audit = auditor.as_ref().map(Auditor::report).unwrap_or_default();
         let mut more = true;
         while more {
@@ -128,9 +177,9 @@ impl Housekeeper {
                         ..statistics.add_period(period, answers.get(period.header.tick))
                     };
                     if let Some((tick, states)) = driven.unrecorded(period) {
-                        truth.observe(accumulator, tick, states);
+                        truth.observe(accumulator, since_start(tick), states);
                     }
-                    truth.observe(accumulator, period.header.tick, &period.states);
+                    truth.observe(accumulator, since_start(period.header.tick), &period.states);
                     driven.remember(period, statistics.period_s);
                     *fleet = Fleet::of(period, answers.get(period.header.tick));
                     *settled = accumulator.all_arrived() && stands(period);
@@ -146,10 +195,11 @@ impl Housekeeper {
         self.periods.lost() + self.solves.iter().map(|pool| pool.lost()).sum::<u64>()
     }
 
-    fn show(&mut self, started: Instant) {
+    fn show(&mut self) {
         let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         self.statistics.fill(&mut progress);
-        progress.wall_s = started.elapsed().as_secs_f64();
+        let since_start = progress.tick.saturating_sub(self.first_tick);
+        progress.wall_s = self.started.elapsed().as_secs_f64();
         progress.arrived = self.accumulator.arrived();
         if self.statistics.ticks > 0 {
             progress.robots = self.fleet.robots;
@@ -157,6 +207,7 @@ impl Housekeeper {
             (progress.paused, progress.stopped) = (self.fleet.paused, self.fleet.stopped);
         }
         progress.min_clearance_m = self.accumulator.min_clearance_m();
+        progress.time_s = (since_start + 1) as f64 * self.statistics.period_s;
         progress.workers_silent = self.answers.watchdog.silent();
         progress.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
     }

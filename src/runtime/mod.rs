@@ -18,6 +18,7 @@
 //! Steady state, a period: the loop makes two allocations of 48 bytes (the loans of the next
 //! samples, after the commands are out), the workers none; neither locks, formats or logs.
 
+mod accelerated;
 mod admin;
 mod answers;
 
@@ -30,6 +31,7 @@ mod desk;
 mod driven;
 mod error;
 mod event_count;
+mod findings;
 mod housekeeping;
 mod progress;
 mod staging;
@@ -40,6 +42,7 @@ mod truth;
 mod watchdog;
 mod worker;
 
+pub use accelerated::Accelerated;
 pub use daemon::Daemon;
 pub use decider::Decider;
 pub use error::DaemonError;

@@ -131,7 +131,6 @@ impl Statistics {
     pub(super) fn fill(&self, progress: &mut Progress) {
         progress.ticks = self.ticks;
         progress.tick = self.last.tick;
-        progress.time_s = (self.last.tick + 1) as f64 * self.period_s;
         progress.release_lateness_ns = self.last.release_lateness_ns;
         progress.release_lateness_max_ns = self.release_lateness.summary().max;
         progress.solve_p99_ns = self.solve.summary().p99;

@@ -17,7 +17,7 @@ use crate::config::{Config, PublishAt, Wakeup};
 use crate::controller::{Decision, RobotGroup, Timing};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
-use crate::schedule::Schedule;
+use crate::schedule::{Schedule, TICK_MAX};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{CommandHeader, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason};
 
@@ -207,6 +207,36 @@ fn swap8() -> Scenario {
 fn group(config: &Config) -> impl Fn(Range<usize>) -> RobotGroup + Send + Sync + use<> {
     let config = config.clone();
     move |owned| RobotGroup::new(&config, owned).unwrap()
+}
+
+/// The whole daemon across the places where numbers wrap, in virtual time.
+#[test]
+fn large_numbers_change_nothing() {
+    use super::Accelerated;
+    const TICKS: u64 = 400;
+    let run = |first_tick: u64, start_ns: u64| {
+        let world = World::new("large");
+        let mut config = config(&world, Scenario::builtin("head-on").unwrap(), T);
+        config.timing.first_tick = first_tick;
+        let run = Accelerated::run(config, TICKS, start_ns, |_| {}).unwrap();
+        assert_eq!(run.report.inconsistencies(), Vec::<String>::new());
+        assert_eq!(
+            (run.refused, run.report.fallback_commands, run.report.rejected_inputs.total()),
+            (0, 0, 0)
+        );
+        assert!(run.laps > 2);
+        (run.report.ticks, run.commands, run.observations, run.laps, run.report.control)
+    };
+    let reference = run(0, START);
+    assert_eq!((reference.0, reference.1, reference.2), (TICKS, TICKS + 2, TICKS + 1));
+    for edge in [1_u64 << 32, 1 << 48, 1 << 53, 1 << 63] {
+        assert_eq!(run(edge - TICKS / 2, START), reference);
+        // The clock, too, passes the edge in the middle of the run.
+        assert_eq!(run(edge - TICKS / 2, edge.saturating_sub(TICKS / 2 * T).max(START)), reference);
+    }
+    // The last numbers there are: the run ends by itself before them.
+    assert_eq!(run(TICK_MAX - TICKS, START), reference);
+    assert_eq!(run(TICK_MAX - TICKS / 2, START).0, TICKS / 2);
 }
 
 /// The order of logical execution time, to the bit.

@@ -14,7 +14,7 @@ use crate::clock::{Clock, MonotonicClock};
 use crate::config::{Config, SourceKind};
 use crate::plant::Plant;
 use crate::realtime::{Role, Seat, ThreadGrant, enter};
-use crate::schedule::Schedule;
+use crate::schedule::{Schedule, TICK_MAX};
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{RobotState, StopReason};
@@ -43,7 +43,7 @@ impl Common {
     }
 
     /// The first period that does not run any more.
-    fn tick_end(&self, until: Until) -> u64 {
+    pub(super) fn tick_end(&self, until: Until) -> u64 {
         let timing = &self.config.timing;
         let time_up = match until {
             Until::Stopped => u64::MAX,
@@ -55,7 +55,7 @@ impl Common {
             )]
             Until::Arrived => (self.config.scenario.duration_s / timing.period_s()).ceil() as u64,
         };
-        timing.ticks.unwrap_or(time_up)
+        timing.first_tick.saturating_add(timing.ticks.unwrap_or(time_up)).min(TICK_MAX)
     }
 
     /// States before the first period: at the starts, at rest, not valid; then the free places.
@@ -120,7 +120,8 @@ pub(super) fn loop_thread(
     let _ = (states.connect(), commands.connect());
     let mut control_loop = ControlLoop {
         clock,
-        schedule: Schedule::new(start_ns, period_ns, config.timing.margin_ns()),
+        schedule: Schedule::new(start_ns, period_ns, config.timing.margin_ns())
+            .numbered_from(config.timing.first_tick),
         epoch: common.epoch,
         tick_end: common.tick_end(until),
         tolerance_m: scenario.tolerance_m,

@@ -94,7 +94,7 @@ impl Worker {
     }
 
     /// One period: from the state in shared memory to the staged commands.
-    fn period<D: Decider>(&mut self, tick: u64, decider: &mut D) {
+    pub(super) fn period<D: Decider>(&mut self, tick: u64, decider: &mut D) {
         // Without the state of this very period there is nothing to stage, and the robots stop.
         let Ok(Some(sample)) = self.states.newest() else { return };
         let header = *sample.header();

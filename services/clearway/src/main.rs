@@ -35,6 +35,7 @@ Examples:
   clearway figures --out figures          the paper's figures, and of your scenarios
   clearway bench solve                    how fast are the solvers here?
   clearway bench latency                  how late, how long, on this machine?
+  clearway bench soak --ticks 1000000     does anything grow or wear out?
   clearway bench wakeup                   how fast do threads wake each other here?
   clearway robust                         do disturbed robots keep their distances?
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one

@@ -92,3 +92,29 @@ fn wrong_arguments_name_the_remedy() {
         assert!(shown.contains(words), "{words}: {shown}");
     }
 }
+
+#[test]
+fn a_soak_is_sound_across_2_to_the_32() {
+    let world = format!("cw_soak_{}_", std::process::id());
+    let root = std::env::temp_dir().join(&world);
+    let output = Command::new(env!("CARGO_BIN_EXE_clearway"))
+        .args(["bench", "soak", "--scenario", "head-on", "--ticks", "2000", "--json", "-"])
+        .args(["--first-tick", "4294966296"])
+        .env("CLEARWAY_IOX2_PREFIX", &world)
+        .env("CLEARWAY_IOX2_ROOT", &root)
+        .output()
+        .unwrap();
+    let left = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
+    let left: Vec<_> = left.filter(|path| path.to_string_lossy().contains(&world)).collect();
+    for path in &left {
+        std::fs::remove_file(path).unwrap();
+    }
+    let _ = std::fs::remove_dir_all(&root);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(left.iter().all(|path| path.extension().is_some_and(|e| e == "global_mgmt")), "{left:?}");
+    let soak = json(&output.stdout);
+    assert_eq!(soak["report"]["ticks"], 2000);
+    assert_eq!(soak["inconsistencies"].as_array().map(Vec::len), Some(0), "{soak}");
+    assert!(soak["laps"].as_u64().is_some_and(|laps| laps > 10));
+    assert!(soak["resident_kib"].as_array().is_some_and(|looks| looks.len() >= 2));
+}

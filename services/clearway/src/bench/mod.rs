@@ -3,6 +3,7 @@
 mod latency;
 mod machine;
 mod quantiles;
+mod soak;
 mod solve;
 mod wakeup;
 
@@ -24,6 +25,7 @@ enum Bench {
     /// A second process of `bench latency`.
     #[command(hide = true)]
     LatencyProcess(latency::ProcessArgs),
+    Soak(soak::Args),
     Solve(solve::Args),
     Wakeup(wakeup::Args),
 }
@@ -32,6 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
     match &args.bench {
         Bench::Latency(args) => latency::run(args),
         Bench::LatencyProcess(args) => latency::run_process(args).map(|()| true),
+        Bench::Soak(args) => soak::run(args),
         Bench::Solve(args) => solve::run(args).map(|()| true),
         Bench::Wakeup(args) => wakeup::run(args).map(|()| true),
     }
