@@ -2,9 +2,12 @@
 
 use std::path::Path;
 
-/// The records in a source file: type name on the wire, and each field with its offset and type.
-fn records(source: &str) -> Vec<(String, Vec<(String, usize, String)>)> {
-    let mut found: Vec<(String, Vec<(String, usize, String)>)> = Vec::new();
+/// A field's name, offset and type.
+type Field = (String, usize, String);
+
+/// The records in a source file: type name on the wire, and the fields.
+fn records(source: &str) -> Vec<(String, Vec<Field>)> {
+    let mut found: Vec<(String, Vec<Field>)> = Vec::new();
     let (mut inside, mut offset) = (false, 0);
     for line in source.lines().map(str::trim) {
         if let Some(name) = line.strip_prefix("#[type_name(\"").and_then(|rest| rest.strip_suffix("\")]")) {
