@@ -34,6 +34,8 @@ pub(super) struct Comparison {
     pub(super) ratio: Ratios,
     /// Where 90 % of the ratios fall when the pairs of blocks are drawn again, low and high.
     pub(super) ratio_p999_interval: [f64; 2],
+    /// Upper end of each step, ns, and its count, so that runs can be put together.
+    histograms: BTreeMap<&'static str, Vec<(u64, u64)>>,
     #[serde(skip)]
     pub(super) theirs: LatencyHistogram,
 }
@@ -108,6 +110,9 @@ pub(super) fn compare(
         overflows,
         ratio: ratios(&all_ours, &all_theirs),
         ratio_p999_interval: interval(&ours, &theirs)?,
+        histograms: [("release_lateness_ns", &all_ours), ("cyclictest_ns", &all_theirs)]
+            .map(|(name, histogram)| (name, histogram.steps().collect()))
+            .into(),
         theirs: all_theirs,
     })
 }

@@ -42,14 +42,24 @@ fn panel(title: &str) -> Panel {
 fn distribution(histogram: &LatencyHistogram) -> Vec<(f64, f64)> {
     let total: u64 = histogram.steps().map(|(_, count)| count).sum();
     let mut left = total;
-    histogram
-        .steps()
-        .map(|(ns, count)| {
-            let share = left as f64 / total as f64;
-            left -= count;
-            (ns as f64 / 1e3, share)
-        })
-        .collect()
+    let all = histogram.steps().map(|(ns, count)| {
+        let share = left as f64 / total as f64;
+        left -= count;
+        (ns as f64 / 1e3, share)
+    });
+    thinned(all.collect())
+}
+
+/// Without the points that nobody could tell from the one before; the last one stays.
+fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let (last, mut kept) = (points.last().copied(), Vec::<(f64, f64)>::new());
+    for point in points {
+        let apart = |(x, share): &(f64, f64)| point.0 > x * 1.02 || point.1 < share * 0.97;
+        if kept.last().is_none_or(apart) || Some(point) == last {
+            kept.push(point);
+        }
+    }
+    kept
 }
 
 #[cfg(test)]
@@ -64,6 +74,7 @@ mod tests {
         }
         let points = distribution(&histogram);
         assert_eq!(points.iter().map(|(_, share)| *share).collect::<Vec<_>>(), [1.0, 0.5, 0.25]);
+        assert_eq!(thinned(vec![(1.0, 1.0), (1.001, 0.999), (1.002, 0.998)]), [(1.0, 1.0), (1.002, 0.998)]);
         assert!((points[0].0 - 1.0).abs() < 0.01 && (points[2].0 - 100.0).abs() < 0.2);
     }
 }

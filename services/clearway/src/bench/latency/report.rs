@@ -261,7 +261,7 @@ impl Report {
         let t = &self.target;
         let sum = format!(
             "State → command, median: {} µs, {:.2} times the sum of two transfers and the control step ({} + {} + {} \
-             µs).",
+             µs); the aim is 2 at most when threads poll, which --wakeup spin measures.",
             us(t.state_to_command_ns),
             t.ratio,
             us(t.state_one_way_ns),
