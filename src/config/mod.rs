@@ -145,6 +145,15 @@ impl Config {
         read::read(Document::parse(text, file_name)?, Some(Path::new(file_name)))
     }
 
+    /// [`Config::parse`] around a scenario that is there already, whatever the text names: reads back
+    /// [`Config::to_toml`] beside [`Scenario::to_toml`].
+    ///
+    /// # Errors
+    /// As [`Config::load`].
+    pub fn parse_around(text: &str, file_name: &str, scenario: Scenario) -> Result<Self, ConfigError> {
+        read::read_around(Document::parse(text, file_name)?, Path::new(file_name), scenario)
+    }
+
     /// The file at `path`, if there is one, with `section.key=value` arguments on top, the later
     /// ones over the earlier ones. What the file says and an argument replaces is not looked at.
     /// Without a file the scenario is `swap8` unless an argument names another.

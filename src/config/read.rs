@@ -20,12 +20,22 @@ const CPUS_MAX: u64 = 4095;
 
 /// Reads and checks a whole document; `file` is where it came from, if it is a file.
 pub(super) fn read(doc: Document, file: Option<&Path>) -> Result<Config, ConfigError> {
-    let config = build(&doc, file)?;
+    let config = build(&doc, file, None)?;
+    doc.finish(config)
+}
+
+/// The same around a scenario that is there already, whatever the document names.
+pub(super) fn read_around(doc: Document, file: &Path, scenario: Scenario) -> Result<Config, ConfigError> {
+    let config = build(&doc, Some(file), Some(scenario))?;
     doc.finish(config)
 }
 
 /// `None` when a problem was noted in the document.
-fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigError> {
+fn build(
+    doc: &Document,
+    file: Option<&Path>,
+    given: Option<Scenario>,
+) -> Result<Option<Config>, ConfigError> {
     let mut root = doc.root();
     if file.is_some() {
         root.check_schema(SCHEMA);
@@ -56,6 +66,7 @@ fn build(doc: &Document, file: Option<&Path>) -> Result<Option<Config>, ConfigEr
     // A scenario has problems of its own, in its own file: they are reported alone.
     let resolved = match &scenario {
         _ if !doc.is_sound() => None,
+        _ if given.is_some() => given,
         Some(found) => resolve(doc, found, file)?,
         None => Some(Scenario::builtin("swap8")?),
     };

@@ -38,6 +38,15 @@ mod tests {
     use crate::scenario::Scenario;
 
     #[test]
+    fn what_is_written_reads_back_around_a_scenario_from_a_file() {
+        let mut config = Config::new(Scenario::builtin("random-20-3").unwrap());
+        config.scenario.name = "mine".to_owned();
+        config.timing.period_ns = 20_000_000;
+        let scenario = Scenario::parse(&config.scenario.to_toml(), "scenario.toml").unwrap();
+        assert_eq!(Config::parse_around(&to_toml(&config), "written.toml", scenario).unwrap(), config);
+    }
+
+    #[test]
     fn what_is_written_reads_back() {
         let mut config = Config::new(Scenario::builtin("circle-12").unwrap());
         assert_eq!(Config::parse(&to_toml(&config), "written.toml").unwrap(), config);

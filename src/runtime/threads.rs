@@ -21,8 +21,8 @@ use crate::wire::{RobotState, StopReason};
 
 /// Periods between the go and period 0, so that every thread is asleep when it starts.
 const LEAD_PERIODS: u64 = 2;
-/// At least this long, ns.
-const LEAD_NS_MIN: u64 = 20_000_000;
+/// At least this long, ns: whoever waits for the fleet has then found it, and sees it from period 0.
+const LEAD_NS_MIN: u64 = 100_000_000;
 
 /// How a thread tells that it is ready, or why it is not.
 pub(super) type Ready = SyncSender<Result<ThreadGrant, DaemonError>>;
