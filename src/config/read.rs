@@ -333,7 +333,7 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/CONFIGURATION.md");
         let text = std::fs::read_to_string(path).unwrap();
         let doc = Document::parse("", "none").unwrap();
-        build(&doc, None).unwrap();
+        build(&doc, None, None).unwrap();
         let settings = doc.settings();
         assert!(settings.len() > 20);
         for setting in settings {

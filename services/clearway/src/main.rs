@@ -9,6 +9,8 @@ mod figures;
 mod host;
 mod operate;
 mod plot;
+mod record;
+mod replay;
 mod robust;
 mod scenario;
 mod summary;
@@ -38,6 +40,8 @@ Examples:
   clearway bench soak --ticks 1000000     does anything grow or wear out?
   clearway bench wakeup                   how fast do threads wake each other here?
   clearway robust                         do disturbed robots keep their distances?
+  clearway record run.mcap                record a fleet, for Foxglove and for replay
+  clearway replay run.mcap                compute every recorded command again
   clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
 
 Exit codes: 0 done, 1 a run did not pass or a daemon refused, 2 the command line or a
@@ -51,6 +55,8 @@ enum Command {
     Eval(eval::Args),
     Figures(figures::Args),
     Robust(robust::Args),
+    Record(Box<record::Args>),
+    Replay(replay::Args),
     Scenario(scenario::Args),
     #[command(flatten)]
     Operate(operate::Order),
@@ -71,6 +77,8 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args).map(|()| true),
         Command::Robust(args) => robust::run(&args),
+        Command::Record(args) => return code(record::run(&args)),
+        Command::Replay(args) => return code(replay::run(&args)),
         Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),
     };
     match done {
@@ -78,6 +86,11 @@ fn main() -> ExitCode {
         Ok(false) => ExitCode::from(NOT_PASSED),
         Err(error) => wrong(&error),
     }
+}
+
+/// Where a command has exit codes of its own.
+fn code(done: miette::Result<u8>) -> ExitCode {
+    done.map_or_else(|error| wrong(&error), ExitCode::from)
 }
 
 fn wrong(error: &miette::Report) -> ExitCode {
