@@ -29,7 +29,7 @@ fn one_wrong_line_gives_its_line_key_and_remedy() {
         ("realtime", "worker_cpus = [1, 2, 1]", Contradiction, "1 is listed twice", "remove"),
         ("realtime", "worker_cpus = [1, 9999]", OutOfRange, "is 9999", "4095"),
         ("realtime", "worker_cpus = 1", WrongType, "is an integer", "a list"),
-        ("realtime", "policy = \"off\"\nwakeup = \"spin\"", Contradiction, "of their own only", "futex"),
+        ("realtime", "wakeup = \"spin\"\npolicy = \"off\"", Contradiction, "of their own only", "futex"),
         ("realtime", "lock_memory = 1", WrongType, "is an integer", "true or false"),
         (
             "controller",
