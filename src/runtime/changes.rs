@@ -32,8 +32,8 @@ impl<C: Clock> ControlLoop<C> {
             return Outcome::Outdated;
         }
         for change in &batch.changes {
-            if let Change::Add { robot, .. } = change
-                && let Some(id) = self.too_close(robot)
+            if let Change::Add { robot, margin_m, .. } = change
+                && let Some(id) = self.too_close(robot, *margin_m)
             {
                 return Outcome::TooClose { id };
             }
@@ -46,13 +46,13 @@ impl<C: Clock> ControlLoop<C> {
 
     /// A robot that may come closer to a new one than it may, before it knows of it: the commands that
     /// act over this period are out already.
-    fn too_close(&self, robot: &RobotSpec) -> Option<u32> {
+    fn too_close(&self, robot: &RobotSpec, margin_m: f64) -> Option<u32> {
         let period_s = self.schedule.period_ns() as f64 * 1e-9;
         let mut others = self.memory.states.iter().filter(|state| !state.has(state_flags::VACANT));
         let reaches = |other: &&RobotState| {
             let apart_m = (other.position_m() - robot.start.position_m).norm();
             let driven_m = other.v_mps.abs() * period_s + other.uncertainty_m;
-            apart_m < self.limits.safety_margin_m + robot.radius_m + other.radius_m + driven_m
+            apart_m < margin_m + robot.radius_m + other.radius_m + driven_m
         };
         others.find(reaches).map(|other| other.id)
     }
@@ -66,7 +66,7 @@ impl<C: Clock> ControlLoop<C> {
                 }
             }
             Change::Hold { set, clear } => memory.hold = memory.hold & !clear | set,
-            Change::Add { place, robot } => {
+            Change::Add { place, robot, .. } => {
                 // The plant knows where its robots are; others have to be seen first.
                 let flags = if self.source.knows_all() { state_flags::VALID } else { 0 };
                 let state = RobotState::at_start(&robot);

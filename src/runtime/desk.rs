@@ -10,8 +10,8 @@ pub(super) enum Change {
     Goal { place: usize, goal_m: Vec2 },
     /// Bits of [`crate::wire::state_flags`] for the whole fleet: those to set, and those to take away.
     Hold { set: u32, clear: u32 },
-    /// A robot takes a free place.
-    Add { place: usize, robot: RobotSpec },
+    /// A robot takes a free place, if its body has a gap of `margin_m` to every other.
+    Add { place: usize, robot: RobotSpec, margin_m: f64 },
     /// The robot in a place is taken away.
     Remove { place: usize },
 }

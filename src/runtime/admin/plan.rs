@@ -15,6 +15,8 @@ pub(super) struct Plan {
     limits: Limits,
     obstacles: Vec<Obstacle>,
     arena_m: f64,
+    /// How far a robot may be from where it is seen, m: as for the scenario, it needs that much more room.
+    noise_m: f64,
 }
 
 impl Plan {
@@ -28,6 +30,7 @@ impl Plan {
             limits: scenario.limits,
             obstacles: scenario.obstacles.clone(),
             arena_m: config.source.arena_m,
+            noise_m: config.robust.position_m,
         }
     }
 
@@ -65,7 +68,7 @@ impl Plan {
                 }
             }
             Change::Hold { set, clear } => self.hold = self.hold & !clear | set,
-            Change::Add { place, robot } => self.put(place, Some(robot)),
+            Change::Add { place, robot, .. } => self.put(place, Some(robot)),
             Change::Remove { place } => self.put(place, None),
         }
     }
@@ -169,7 +172,7 @@ impl Plan {
             );
             return Err(Refusal::of(id, AdminCode::Full, text));
         };
-        let change = Change::Add { place, robot };
+        let change = Change::Add { place, robot, margin_m: self.margin_m() };
         let mut after = self.clone();
         after.apply(&change);
         after.check_goal_is_free(place)?;
@@ -179,6 +182,11 @@ impl Plan {
     fn remove(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
         let [record] = records else { return Err(Refusal::malformed("one robot at a time is removed")) };
         self.find(record.id).map(|(place, _)| vec![Change::Remove { place }])
+    }
+
+    /// Gap between two bodies, m, for those who cannot see each other exactly.
+    fn margin_m(&self) -> f64 {
+        self.limits.safety_margin_m + 2.0 * self.noise_m
     }
 
     /// The first place that is free.
@@ -212,7 +220,7 @@ impl Plan {
             return Err(Refusal::of(id.0, AdminCode::OutsideArena, text));
         }
         for (index, obstacle) in self.obstacles.iter().enumerate() {
-            let keep_m = obstacle.reach_m() + radius_m + self.limits.safety_margin_m;
+            let keep_m = obstacle.reach_m() + radius_m + self.limits.safety_margin_m + self.noise_m;
             let apart_m = obstacle.core_distance(p);
             if apart_m < keep_m - ROUNDING_M {
                 let text =
@@ -230,7 +238,7 @@ impl Plan {
         for other in others.filter_map(|(_, other)| other.as_ref()).filter(|o| o.foreign_speed_mps.is_none())
         {
             let apart_m = (other.goal_m - robot.goal_m).norm();
-            let required_m = self.limits.safety_margin_m + robot.radius_m + other.radius_m;
+            let required_m = self.margin_m() + robot.radius_m + other.radius_m;
             if apart_m < required_m - ROUNDING_M {
                 let text = format!(
                     "the goal of robot {} is {apart_m:.3} m from that of robot {}: they have to be {required_m:.3} m apart",
@@ -320,7 +328,7 @@ mod tests {
         assert_eq!(refused(add(&plan, new(7, 1.0, -10.0))).0, AdminCode::GoalTaken);
         for id in [7, 8] {
             let changes = add(&plan, new(id, f64::from(id), 9.0)).unwrap();
-            let [Change::Add { place, robot }] = changes[..] else { panic!("{changes:?}") };
+            let [Change::Add { place, robot, .. }] = changes[..] else { panic!("{changes:?}") };
             assert_eq!((place, robot.id.0), (id as usize - 4, id));
             assert!((-PI..=PI).contains(&robot.start.theta_rad));
             plan.apply(&changes[0]);
