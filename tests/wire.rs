@@ -47,7 +47,7 @@ fn names_sizes_and_alignments() {
         ("clearway.v1.AdminAnswer", 240, 8)
     );
     assert_eq!(layout::<CheckpointHeader>(&words(4)), ("clearway.v1.CheckpointHeader", 32, 8));
-    assert_eq!(layout::<RobotCheckpoint>(&ids_then(24)), ("clearway.v1.RobotCheckpoint", 200, 8));
+    assert_eq!(layout::<RobotCheckpoint>(&ids_then(32)), ("clearway.v1.RobotCheckpoint", 264, 8));
 }
 
 #[test]

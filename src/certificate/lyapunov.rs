@@ -95,6 +95,10 @@ impl Decrease {
     /// `limit`.
     pub fn settling_steps(&self, d_m: f64, reach_m: f64, tolerance_m: f64, limit: u32) -> Option<u32> {
         let (mut z, end) = (0.5 * d_m * d_m, 0.5 * tolerance_m * tolerance_m);
+        // No step asks for more way than one step can cover; the printed one asks for more.
+        if matches!(self, Self::FiniteTime { .. }) && d_m - tolerance_m > reach_m * f64::from(limit) {
+            return None;
+        }
         for step in 0..=limit {
             if z <= end {
                 return Some(step);

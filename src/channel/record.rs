@@ -11,6 +11,9 @@ use crate::wire::{
 /// Shared memory that a channel may fill when its depth is not set.
 const CHANNEL_BYTES: usize = 32 << 20;
 
+/// Larger samples are those of fleets of thousands: fewer of them wait.
+const LARGE_BYTES: usize = 1 << 20;
+
 /// Readers that `checkpoint` can have at a time: recorders.
 const CHECKPOINT_READERS_MAX: usize = 4;
 
@@ -58,7 +61,8 @@ impl Channel {
     /// Samples kept for each reader, when one sample has `sample_bytes`.
     pub(super) fn depth(self, config: &ChannelConfig, sample_bytes: usize) -> usize {
         let fits = CHANNEL_BYTES / (self.max_readers(config) * sample_bytes.max(1));
-        config.depth.unwrap_or(fits.clamp(8, 64)).max(1)
+        let least = if sample_bytes > LARGE_BYTES { 2 } else { 8 };
+        config.depth.unwrap_or(fits.clamp(least, 64)).max(1)
     }
 }
 

@@ -16,7 +16,7 @@ pub struct ChannelConfig {
     /// Writers that `observation` can have at a time.
     pub max_observers: usize,
     /// Samples that wait for a reader before the oldest is overwritten. `None`: as many as fit into
-    /// 32 MiB of shared memory, from 8 to 64.
+    /// 32 MiB of shared memory, from 8 to 64 (from 2 for samples over 1 MiB).
     pub depth: Option<usize>,
 }
 

@@ -68,6 +68,12 @@ pub struct GuidanceParams {
     /// m beyond ρ at which a robot stops short of another while it is not blocked.
     pub standoff_m: f64,
 
+    /// m, nearer than which the sixteenth nearest robot makes a crowd.
+    pub crowd_m: f64,
+    /// s for which a robot in a crowd keeps to what anticipation decided. Too large: it reacts late. Up to a
+    /// period: it decides every time.
+    pub crowd_hold_s: f64,
+
     // ---- Way around parked robots (`bypass`) ----
     /// m, gaps between parked robots narrower than needed plus this are closed. Too large: goals inside a
     /// parked grid seem unreachable; too small: robots squeeze where a short detour is faster.
@@ -156,6 +162,8 @@ impl Default for GuidanceParams {
             other_speed_min_mps: 0.513,
             parked_margin_m: 0.703,
             standoff_m: 0.0194,
+            crowd_m: 3.0,
+            crowd_hold_s: 0.64,
             pass_gap_m: 0.08,
             bypass_room_m: 0.05,
             bypass_left_m: 0.524,
@@ -214,6 +222,8 @@ impl GuidanceParams {
         s.set_number("other_speed_min_mps", &mut p.other_speed_min_mps, (Excluded(0.0), Included(100.0)));
         s.set_number("parked_margin_m", &mut p.parked_margin_m, (Excluded(0.0), Included(100.0)));
         s.set_number("standoff_m", &mut p.standoff_m, (Excluded(0.0), Included(100.0)));
+        s.set_number("crowd_m", &mut p.crowd_m, (Included(0.0), Included(1000.0)));
+        s.set_number("crowd_hold_s", &mut p.crowd_hold_s, (Included(0.0), Included(3600.0)));
         s.set_number("pass_gap_m", &mut p.pass_gap_m, (Excluded(0.0), Included(100.0)));
         s.set_number("bypass_room_m", &mut p.bypass_room_m, (Excluded(0.0), Included(100.0)));
         s.set_number("bypass_left_m", &mut p.bypass_left_m, (Excluded(0.0), Included(100.0)));

@@ -184,7 +184,12 @@ fn channel(mut s: Section<'_>, mut c: ChannelConfig) -> ChannelConfig {
     }
     s.set_integer("max_readers", &mut c.max_readers, 4..=1024);
     s.set_integer("max_observers", &mut c.max_observers, 1..=1024);
-    s.set_integer_or("depth", &mut c.depth, 1..=4096, "as many as fit into 32 MiB, from 8 to 64");
+    s.set_integer_or(
+        "depth",
+        &mut c.depth,
+        1..=4096,
+        "as many as fit into 32 MiB, from 8 to 64 (from 2 for samples over 1 MiB)",
+    );
     s.finish();
     c
 }

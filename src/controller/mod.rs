@@ -22,12 +22,12 @@ pub use shelf::{PreparedRoute, RouteShelf};
 use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;
 use crate::certificate::robust::{Margin, Reach};
-use crate::config::{Config, ControllerConfig, SolverKind};
+use crate::config::{Config, ControllerConfig, Profile, SolverKind};
 use crate::document::names;
 use crate::geometry::Pose;
-use crate::guidance;
+use crate::guidance::{self, Predictions};
 use crate::model::{Disturbance, Limits, Obstacle};
-use crate::neighbours::Neighbourhood;
+use crate::neighbours::{Neighbourhood, Sight, Surroundings};
 use crate::programme::{Programme, Solution};
 use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
 use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, state_flags};
@@ -153,13 +153,16 @@ impl Law {
         margin.reach(robot.uncertainty_m, robot.command())
     }
 
-    /// How far a robot of this radius has to see for every row that can bind, m.
-    fn sight_m(&self, radius_m: f64) -> f64 {
+    /// How far a robot of this radius looks: for every row that can bind, and for the guidance.
+    fn sight(&self, radius_m: f64) -> Sight {
         let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
         let rate = self.control.gamma.min(self.control.comfort_gamma);
         let extent = self.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
         let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
-        activation_m(required + self.unknown_m + extent, speed_mps, self.period_s, rate, 0.5)
+        let rows_m = activation_m(required + self.unknown_m + extent, speed_mps, self.period_s, rate, 0.5);
+        let printed_m = (required * required + printed::ACTIVATION_M2).sqrt();
+        let all_m = if self.control.profile == Profile::Paper { rows_m.max(printed_m) } else { rows_m };
+        Sight { all_m, nearest_m: self.guidance.sight_m, nearest: guidance::NEIGHBOURS_MAX }
     }
 }
 
@@ -180,7 +183,9 @@ impl Solver for AnySolver {
 
 /// Memory that the robots of a group use in turn.
 struct Workspace {
+    around: Surroundings,
     near: Neighbourhood,
+    predictions: Predictions,
     programme: Programme,
     solution: Solution,
     solver: AnySolver,
@@ -250,6 +255,9 @@ impl RobotGroup {
                 .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
                 .collect(),
         };
+        let largest_m = scenario.robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
+        let speed_mps = law.limits.speed_mps();
+        let cell_m = law.limits.safety_margin_m + 2.0 * largest_m + 2.0 * law.period_s * speed_mps;
         Ok(Self {
             owned: owned
                 .map(|index| {
@@ -261,7 +269,9 @@ impl RobotGroup {
             law,
             predicted: vec![RobotState::default(); robots],
             workspace: Workspace {
+                around: Surroundings::with_capacity(robots, cell_m),
                 near: Neighbourhood::with_capacity(robots),
+                predictions: Predictions::for_robots(robots),
                 programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),
                 solution: Solution::with_capacity(rows),
                 solver,
@@ -325,6 +335,8 @@ impl RobotGroup {
                 predicted.set_pose(Pose { position_m: pose.position_m + pose.heading() * lead_m, ..pose });
             }
         }
+        self.workspace.around.build(&self.predicted);
+        self.workspace.predictions.begin();
         for robot in &mut self.owned {
             let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace);
             each(robot.index(), &decision, &self.workspace.programme);

@@ -6,7 +6,8 @@ use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
 use crate::geometry::{Vec2, bearing, wrap};
 use crate::guidance::{
-    self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Route,
+    self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Predictions,
+    Route,
 };
 use crate::model::{Command, RobotId};
 use crate::neighbours::Nearby;
@@ -40,6 +41,8 @@ pub(super) struct RobotController {
     last_intent: RobotIntent,
     /// Was inside the tolerance for certain, and has not been outside for certain since.
     settled: bool,
+    /// How far to look for neighbours first, m.
+    look_m: f64,
 }
 
 /// What a robot is to do in this period, before the programme.
@@ -68,7 +71,7 @@ fn told(intent: &Intent, waypoint_m: Vec2) -> RobotIntent {
 
 /// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal, and
 /// a foreign one, of which nothing is known, to stand.
-fn seen(law: &Law, own: &RobotState, other: &RobotState, foreign: bool) -> Neighbour {
+fn seen(law: &Law, own: &RobotState, other: &RobotState, index: usize, foreign: bool) -> Neighbour {
     let (position_m, goal_m) = (other.position_m(), other.goal_m());
     let (intent, target_m) = if other.intent.valid == 1 {
         let i = &other.intent;
@@ -93,6 +96,7 @@ fn seen(law: &Law, own: &RobotState, other: &RobotState, foreign: bool) -> Neigh
     };
     Neighbour {
         id: other.id,
+        index,
         position_m,
         heading_rad: other.theta_rad,
         v_mps: other.v_mps,
@@ -152,6 +156,7 @@ impl RobotController {
             views,
             last_intent: RobotIntent::default(),
             settled: false,
+            look_m: 0.0,
         }
     }
 
@@ -237,9 +242,12 @@ impl RobotController {
         telemetry: &mut RobotTelemetry,
     ) -> Result<Command, StopReason> {
         let own = &fleet[self.index];
-        let near = work.near.gather(fleet, self.index, law.guidance.sight_m.max(law.sight_m(own.radius_m)));
+        let sight = law.sight(own.radius_m);
+        let near = work.near.gather(&work.around, fleet, self.index, sight, self.look_m);
+        // A little more than was needed this time.
+        self.look_m = near.get(sight.nearest - 1).map_or(f64::INFINITY, |last| 1.1 * last.distance_m);
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
-        let aim = self.aim(law, fleet, near);
+        let aim = self.aim(law, fleet, near, &mut work.predictions);
         Self::note(law, &aim, telemetry);
 
         let programme = &mut work.programme;
@@ -305,7 +313,13 @@ impl RobotController {
     }
 
     /// Asks the guidance.
-    fn aim(&mut self, law: &Law, fleet: &[RobotState], near: &[Nearby]) -> Aim {
+    fn aim(
+        &mut self,
+        law: &Law,
+        fleet: &[RobotState],
+        near: &[Nearby],
+        predictions: &mut Predictions,
+    ) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
         // A robot that stands is where it was, whatever the noise says.
@@ -322,7 +336,7 @@ impl RobotController {
         let mut neighbours = [Neighbour::default(); NEIGHBOURS_MAX];
         let mut count = 0;
         for (slot, n) in neighbours.iter_mut().zip(near) {
-            *slot = seen(law, own, &fleet[n.index], law.foreign_speed_mps[n.index].is_some());
+            *slot = seen(law, own, &fleet[n.index], n.index, law.foreign_speed_mps[n.index].is_some());
             count += 1;
         }
         self.near_views.clear();
@@ -352,6 +366,7 @@ impl RobotController {
             &self.near_views,
             &limits,
             &law.guidance,
+            predictions,
             &mut self.memory,
         );
         self.last_intent = told(&guidance.intent, target_m);

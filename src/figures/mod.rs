@@ -4,18 +4,22 @@
 //! commands in force make it the motion over that period, and writes [`ControlFigures`]. Clearance is
 //! the minimum over **continuous** time and all pairs, from the exact arcs, or from the straight lines of
 //! a plant that moves by Euler steps. Nothing allocates after
-//! [`Accumulator::new`]; a period costs one distance for every pair and one exact minimum for every
+//! [`Accumulator::new`] but the list of violations; a period costs one distance for every pair that is
+//! near and one exact minimum for every
 //! pair that could lower the minimum.
 
 mod latency;
 
 pub use latency::{LatencyHistogram, LatencyNs};
 
-use crate::geometry::{Arc, Integration, Pose, Vec2, bearing, min_distance_arcs, wrap};
+use crate::geometry::{
+    Arc, Grid, Integration, Pose, Vec2, bearing, closest_point_on_segment, min_distance_arcs, wrap,
+};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{RobotState, RobotTelemetry, SolveStatus, state_flags};
 use serde::Serialize;
+use std::collections::BTreeSet;
 
 /// A pair closer than this below its required distance counts as violated, m.
 pub const VIOLATION_M: f64 = -1e-9;
@@ -156,6 +160,16 @@ impl Track {
     }
 }
 
+/// A lower bound on the distance of two robots over a period, m: that of two on straight lines, less how
+/// far arcs can leave their chords.
+fn straight_m(a: &Arc, b: &Arc, horizon_s: f64) -> f64 {
+    let from = a.start.position_m - b.start.position_m;
+    let change = (a.start.heading() * a.v_mps - b.start.heading() * b.v_mps) * horizon_s;
+    let bend = |r: &Arc| 0.5 * (r.v_mps * r.omega_radps).abs() * horizon_s * horizon_s;
+    // Less a little, so that rounding cannot make it too large.
+    closest_point_on_segment(Vec2::zeros(), from, from + change).norm() - bend(a) - bend(b) - 1e-9
+}
+
 /// A robot's way, and its arrival.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrival {
@@ -178,9 +192,11 @@ pub struct Accumulator {
     tracks: Vec<Track>,
     /// Room for the motion of one period.
     arcs: Vec<Arc>,
-    /// One bit for each pair of robots and each robot and obstacle.
-    violated: Vec<u64>,
-    violations: usize,
+    /// Robots by place, and those near one of them.
+    grid: Grid,
+    near: Vec<u32>,
+    /// Pairs of robots, and of robots and obstacles (numbered after the robots).
+    violated: BTreeSet<(usize, usize)>,
     min_clearance_m: f64,
     steps: u64,
     solved: u64,
@@ -199,6 +215,9 @@ impl Accumulator {
         let track = |spec: &RobotSpec| Track::new(&RobotState::at_start(spec), 0.0, &scenario.limits);
         let mut tracks: Vec<Track> = scenario.robots.iter().map(track).collect();
         tracks.resize(n, Track::VACANT);
+        let largest_m = scenario.robots.iter().map(|r| r.radius_m).fold(0.0, f64::max);
+        let limits = scenario.limits;
+        let cell_m = limits.safety_margin_m + 2.0 * largest_m + 2.0 * limits.speed_mps() * period_s;
         Self {
             period_s,
             plant: Integration::Exact,
@@ -207,8 +226,9 @@ impl Accumulator {
             obstacles: scenario.obstacles.clone(),
             tracks,
             arcs: Vec::with_capacity(n),
-            violated: vec![0; (n * (n + scenario.obstacles.len())).div_ceil(64)],
-            violations: 0,
+            grid: Grid::with_capacity(n, cell_m),
+            near: Vec::with_capacity(n),
+            violated: BTreeSet::new(),
             min_clearance_m: f64::INFINITY,
             steps: 0,
             solved: 0,
@@ -257,12 +277,39 @@ impl Accumulator {
 
     /// Adds the motion along `arcs`, one for each robot in the scenario's order, over `horizon_s`.
     pub fn observe_motion(&mut self, arcs: &[Arc], horizon_s: f64) {
-        for i in 0..arcs.len().min(self.tracks.len()) {
+        let arcs = &arcs[..arcs.len().min(self.tracks.len())];
+        let near_m = self.near_m(arcs, horizon_s);
+        for i in 0..arcs.len() {
             if self.tracks[i].id.is_some() {
-                self.pairs_of(i, arcs, horizon_s);
+                self.pairs_of(i, arcs, horizon_s, near_m);
                 self.obstacles_of(i, &arcs[i], horizon_s);
             }
         }
+    }
+
+    /// Sorts the fleet by place; the distance within which a pair can lower the minimum or be violated.
+    fn near_m(&mut self, arcs: &[Arc], horizon_s: f64) -> f64 {
+        self.grid.build(arcs.iter().map(|arc| arc.start.position_m));
+        let fastest_mps = arcs.iter().map(|arc| arc.v_mps.abs()).fold(0.0, f64::max);
+        let largest_m = self.tracks.iter().map(|track| track.radius_m).fold(0.0, f64::max);
+        // Some pairs that are likely to be near: no minimum is larger than any of theirs.
+        let some = self.grid.order().windows(2).filter_map(|pair| {
+            let (i, j) = (pair[0] as usize, pair[1] as usize);
+            let offset = arcs[i].start.position_m - arcs[j].start.position_m;
+            self.counts(i, j).then(|| offset.norm() - self.required_of(i, j))
+        });
+        let smallest_m = some.fold(self.min_clearance_m, f64::min).max(0.0);
+        self.limits.safety_margin_m + 2.0 * (largest_m + fastest_mps * horizon_s) + smallest_m
+    }
+
+    /// Whether the distance of two robots matters.
+    fn counts(&self, i: usize, j: usize) -> bool {
+        let (a, b) = (&self.tracks[i], &self.tracks[j]);
+        a.id.is_some() && b.id.is_some() && !(a.foreign && b.foreign)
+    }
+
+    fn required_of(&self, i: usize, j: usize) -> f64 {
+        self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m
     }
 
     /// Adds one robot's solve.
@@ -274,22 +321,31 @@ impl Accumulator {
         }
     }
 
-    fn pairs_of(&mut self, i: usize, arcs: &[Arc], horizon_s: f64) {
+    fn pairs_of(&mut self, i: usize, arcs: &[Arc], horizon_s: f64, near_m: f64) {
         let a = &arcs[i];
-        for (j, b) in arcs.iter().enumerate().take(i) {
-            if self.tracks[j].id.is_none() || self.tracks[i].foreign && self.tracks[j].foreign {
+        let mut near = std::mem::take(&mut self.near);
+        near.clear();
+        // Rounding must not lose the pair that is just as far.
+        self.grid.near(a.start.position_m, near_m * (1.0 + 1e-12), |range| {
+            near.extend(self.grid.order()[range].iter().filter(|j| (**j as usize) < i));
+        });
+        for j in near.iter().map(|j| *j as usize) {
+            let b = &arcs[j];
+            if !self.counts(i, j) {
                 continue;
             }
-            let required = self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m;
-            let apart = (a.start.position_m - b.start.position_m).norm() - required;
+            let required = self.required_of(i, j);
             // Neither this minimum nor a violation can come from further away than they can drive.
+            let smallest_m = self.min_clearance_m.max(0.0);
+            let apart = (a.start.position_m - b.start.position_m).norm() - required;
             let reach = (a.v_mps.abs() + b.v_mps.abs()) * horizon_s;
-            if apart - reach > self.min_clearance_m.max(0.0) {
+            if apart - reach > smallest_m || straight_m(a, b, horizon_s) - required > smallest_m {
                 continue;
             }
             let clearance = min_distance_arcs(a, b, horizon_s).upper_m - required;
-            self.note(i * arcs.len() + j, clearance);
+            self.note((i, j), clearance);
         }
+        self.near = near;
     }
 
     fn obstacles_of(&mut self, i: usize, arc: &Arc, horizon_s: f64) {
@@ -302,18 +358,14 @@ impl Accumulator {
                 continue;
             }
             let clearance = obstacle.min_core_distance(arc, horizon_s).upper_m - required;
-            self.note(robots * robots + i * self.obstacles.len() + k, clearance);
+            self.note((i, robots + k), clearance);
         }
     }
 
-    fn note(&mut self, pair: usize, clearance_m: f64) {
+    fn note(&mut self, pair: (usize, usize), clearance_m: f64) {
         self.min_clearance_m = self.min_clearance_m.min(clearance_m);
         if clearance_m < VIOLATION_M {
-            let (word, bit) = (pair / 64, 1u64 << (pair % 64));
-            if self.violated[word] & bit == 0 {
-                self.violated[word] |= bit;
-                self.violations += 1;
-            }
+            self.violated.insert(pair);
         }
     }
 
@@ -342,7 +394,7 @@ impl Accumulator {
 
     /// Pairs that came closer than they may so far.
     pub fn violations(&self) -> usize {
-        self.violations
+        self.violated.len()
     }
 
     /// Smallest clearance so far, m; +∞ without a pair.
@@ -364,7 +416,7 @@ impl Accumulator {
             robots: self.ours().count(),
             arrived: self.arrived(),
             stalled: self.ours().filter(|t| t.stalled).count(),
-            violations: self.violations,
+            violations: self.violated.len(),
             min_clearance_m: self.min_clearance_m.is_finite().then_some(self.min_clearance_m),
             steps: self.steps,
             makespan_s: self.all_arrived().then(|| arrivals().map(|(_, s)| s).fold(0.0, f64::max)),

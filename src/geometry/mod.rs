@@ -7,11 +7,13 @@
 mod angle;
 mod arc;
 mod distance;
+mod grid;
 mod shape;
 
 pub use angle::{bearing, rotate, unit, wrap};
 pub use arc::{Arc, Integration, Pose, chord_factor, sinc};
 pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_distance_arcs};
+pub use grid::Grid;
 pub use shape::{closest_point_on_segment, segment_distance};
 
 /// A point or vector in the plane, metres.

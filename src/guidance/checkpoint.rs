@@ -1,17 +1,19 @@
 //! A robot's memory as plain words and back, to the bit: what a recording needs to compute a decision again.
 
-use super::types::{Around, Intent, Memory, Progress, Way};
+use super::types::{Around, Intent, Memory, Plan, Progress, Way};
 use crate::geometry::Vec2;
 use crate::wire::RobotCheckpoint;
 
 /// The memory as words; unused ones are 0.
 pub(crate) fn words(memory: &Memory) -> [u64; RobotCheckpoint::WORDS] {
     // Taken apart completely: a field that is forgotten here does not compile.
-    let Memory { started, intent, progress, fallback_s, beta_rad, around, way, ask_s } = *memory;
+    let Memory { started, intent, progress, fallback_s, beta_rad, around, way, ask_s, plan, crowded_s } =
+        *memory;
     let Intent { heading_rad, speed_mps, target_m, blocked_s: told_blocked_s, rank: told_rank } = intent;
     let Progress { blocked_s, still_s, turned_rad, queued_s } = progress;
     let Around { side, free_s, spent_s, changes } = around;
     let Way { left_s, rest_s, rank, spot_m } = way;
+    let Plan { heading_rad: plan_rad, share, mean_speed_mps, turn_rad } = plan;
     let numbers = [
         heading_rad,
         speed_mps,
@@ -33,6 +35,11 @@ pub(crate) fn words(memory: &Memory) -> [u64; RobotCheckpoint::WORDS] {
         spot_m.x,
         spot_m.y,
         ask_s,
+        plan_rad,
+        share,
+        mean_speed_mps,
+        turn_rad,
+        crowded_s,
     ];
     let mut words = [0; RobotCheckpoint::WORDS];
     words[0] = u64::from(started);
@@ -72,6 +79,13 @@ pub(crate) fn memory(words: &[u64; RobotCheckpoint::WORDS]) -> Memory {
             spot_m: Vec2::new(number(17), number(18)),
         },
         ask_s: number(19),
+        plan: Plan {
+            heading_rad: number(20),
+            share: number(21),
+            mean_speed_mps: number(22),
+            turn_rad: number(23),
+        },
+        crowded_s: number(24),
     }
 }
 
@@ -85,11 +99,11 @@ mod tests {
         fn memory_survives_the_round_trip(
             started in any::<bool>(),
             ranks in any::<u64>(),
-            numbers in prop::array::uniform20(any::<u64>()),
+            numbers in prop::array::uniform25(any::<u64>()),
         ) {
             let mut before = [0; RobotCheckpoint::WORDS];
             (before[0], before[1]) = (u64::from(started), ranks);
-            before[2..22].copy_from_slice(&numbers);
+            before[2..27].copy_from_slice(&numbers);
             prop_assert_eq!(words(&memory(&before)), before);
         }
     }

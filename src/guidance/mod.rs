@@ -23,6 +23,8 @@ pub(crate) mod checkpoint;
 mod contact;
 mod giveway;
 mod halfplane;
+mod others;
+mod predict;
 mod progress;
 mod queue;
 mod roundabout;
@@ -30,6 +32,7 @@ mod route;
 mod types;
 
 pub use crate::config::GuidanceParams as Params;
+pub use predict::Predictions;
 pub use route::Route;
 pub use types::{
     Ego, Guidance, Intent, Limits, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView,
@@ -47,6 +50,7 @@ pub fn guide(
     obstacles: &[ObstacleView],
     limits: &Limits,
     params: &Params,
+    predictions: &mut Predictions,
     memory: &mut Memory,
 ) -> Guidance {
     let neighbours = &neighbours[..neighbours.len().min(NEIGHBOURS_MAX)];
@@ -78,7 +82,7 @@ pub fn guide(
         }
         halfplane::drive(ego, neighbours, obstacles, limits, params, &mut memory.beta_rad)
     } else {
-        anticipate::drive(ego, neighbours, obstacles, queue, limits, params, memory)
+        anticipate::drive(ego, neighbours, obstacles, queue, limits, params, predictions, memory)
     };
 
     let touching = if memory.progress.still_s > params.slide_after_s { neighbours } else { &[] };

@@ -48,6 +48,8 @@ pub struct Intent {
 pub struct Neighbour {
     /// Its id.
     pub id: u32,
+    /// Its place in [`Predictions`](super::Predictions).
+    pub index: usize,
     /// Position, m.
     pub position_m: Vec2,
     /// Heading, rad.
@@ -129,10 +131,26 @@ pub struct Memory {
     /// Right-hand rule: motion left until it ends, and the clockwise turn it remembers.
     pub(super) fallback_s: f64,
     pub(super) beta_rad: f64,
+    pub(super) plan: Plan,
+    /// Seconds in a crowd since the plan was made, less than a period after it; 0 outside of a crowd.
+    pub(super) crowded_s: f64,
     pub(super) around: Around,
     pub(super) way: Way,
     /// Time left to go straight and ask parked robots to make way.
     pub(super) ask_s: f64,
+}
+
+/// What anticipation has decided.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Plan {
+    /// Heading to steer to, rad.
+    pub(super) heading_rad: f64,
+    /// Share of the full speed.
+    pub(super) share: f64,
+    /// Mean speed expected over the horizon, m/s.
+    pub(super) mean_speed_mps: f64,
+    /// Turn of the target about the robot, rad.
+    pub(super) turn_rad: f64,
 }
 
 /// Whether the robot gets anywhere.

@@ -79,6 +79,7 @@ impl Accelerated {
             board: Arc::clone(&board),
             desk: Arc::new(Desk::new(4)),
             epoch: 1,
+            source: None,
         };
         let node = common.transport.attach("clearwayd")?;
         let (states, commands) = (node.writer(robots)?, node.writer(robots)?);

@@ -14,7 +14,7 @@ use super::findings::Findings;
 use super::housekeeping::Housekeeper;
 use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
-use super::threads::{Common, loop_thread, record_capacity, worker_thread};
+use super::threads::{Common, MakeSource, loop_thread, record_capacity, worker_thread};
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock};
@@ -23,6 +23,7 @@ use crate::controller::{ControllerError, RobotGroup, RouteShelf, rows_max};
 use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
 use crate::report::Report;
 use crate::solver::ClarabelSolver;
+use crate::source::StateSource;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{NO_ROBOT, StopReason};
 
@@ -66,6 +67,26 @@ impl Daemon {
     /// # Errors
     /// Those of [`Daemon::start_with`].
     pub fn start(config: Config, until: Until) -> Result<Self, DaemonError> {
+        Self::start_controlled(config, until, None)
+    }
+
+    /// Starts the fleet of `config` with states from a source that `make` builds, in the loop's thread,
+    /// given the time of the first period in ns.
+    ///
+    /// # Errors
+    /// Those of [`Daemon::start_with`].
+    pub fn start_from<F>(config: Config, until: Until, make: F) -> Result<Self, DaemonError>
+    where
+        F: Fn(&Config, u64) -> Box<dyn StateSource> + Send + Sync + 'static,
+    {
+        Self::start_controlled(config, until, Some(Arc::new(make)))
+    }
+
+    fn start_controlled(
+        config: Config,
+        until: Until,
+        source: Option<MakeSource>,
+    ) -> Result<Self, DaemonError> {
         let for_workers = config.clone();
         let (recorder, auditor) = match shadow_audit(&config)? {
             Some((recorder, auditor)) => (Some(recorder), Some(auditor)),
@@ -73,7 +94,7 @@ impl Daemon {
         };
         let shelf = Arc::new(RouteShelf::new(config.places()));
         let routes = Arc::clone(&shelf);
-        Self::start_audited(config, until, auditor, shelf, move |owned| {
+        Self::start_audited(config, until, source, auditor, shelf, move |owned| {
             let group = RobotGroup::new(&for_workers, owned)?.with_routes(Arc::clone(&routes));
             Ok::<_, ControllerError>(match &recorder {
                 Some(recorder) => group.audited_by(recorder.clone()),
@@ -95,12 +116,13 @@ impl Daemon {
         F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
     {
         let shelf = Arc::new(RouteShelf::new(config.places()));
-        Self::start_audited(config, until, None, shelf, make)
+        Self::start_audited(config, until, None, None, shelf, make)
     }
 
     fn start_audited<D, E, F>(
         config: Config,
         until: Until,
+        source: Option<MakeSource>,
         auditor: Option<Auditor<ClarabelSolver>>,
         shelf: Arc<RouteShelf>,
         make: F,
@@ -133,6 +155,7 @@ impl Daemon {
             // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
             // unlike the wall clock it cannot be set back.
             epoch: MonotonicClock.now_ns(),
+            source,
         };
         let mut daemon = Self {
             config,

@@ -120,6 +120,7 @@ impl Rig {
         let (states, commands) = (node.writer(robots).unwrap(), node.writer(robots).unwrap());
         let schedule = Schedule::new(START, T, T / 10);
         let common = Common {
+            source: None,
             config: Arc::new(config.clone()),
             transport: transport.clone(),
             board: Arc::clone(&board),

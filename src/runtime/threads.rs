@@ -17,7 +17,7 @@ use crate::realtime::{Role, Seat, ThreadGrant, enter};
 use crate::schedule::{Schedule, TICK_MAX};
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{RobotState, StopReason};
+use crate::wire::{RobotCommand, RobotState, RobotTelemetry, StopReason};
 
 /// Periods between the go and period 0, so that every thread is asleep when it starts.
 const LEAD_PERIODS: u64 = 2;
@@ -35,7 +35,12 @@ pub(super) struct Common {
     pub(super) board: Arc<Board>,
     pub(super) desk: Arc<Desk>,
     pub(super) epoch: u64,
+    /// Makes another source than the configured one.
+    pub(super) source: Option<MakeSource>,
 }
+
+/// Makes the source of a daemon's states, given the time of the first period, ns.
+pub(super) type MakeSource = Arc<dyn Fn(&Config, u64) -> Box<dyn StateSource> + Send + Sync>;
 
 impl Common {
     fn places(&self) -> usize {
@@ -104,13 +109,14 @@ pub(super) fn loop_thread(
     let period_ns = config.timing.period_ns;
     let start_ns = clock.now_ns() + (LEAD_PERIODS * period_ns).max(LEAD_NS_MIN);
     let scenario = &config.scenario;
-    let source: Box<dyn StateSource> = match observations {
-        None => {
+    let source: Box<dyn StateSource> = match (&common.source, observations) {
+        (Some(make), _) => make(config, start_ns),
+        (None, None) => {
             let plant = Plant::new(scenario, period_ns, start_ns).moved_by(config.source.plant);
             let plant = plant.disturbed(scenario, &config.disturbance, period_ns);
             Box::new(plant.with_places(common.places()))
         }
-        Some(reader) => {
+        (None, Some(reader)) => {
             let places = common.places();
             let observed = Observed::with_places(reader, scenario, &config.source, period_ns, places);
             Box::new(observed.tolerating(&config.robust))
@@ -182,10 +188,19 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
     worker.run(decider, || make(owned.clone()).ok());
 }
 
-/// Records that telemetry keeps: what is configured, and at least half a second's worth.
+/// Memory that the records of large fleets may take.
+const RECORDS_BYTES: usize = 256 << 20;
+/// Records that telemetry keeps however large the fleet is.
+const RECORDS_MIN: usize = 4;
+
+/// Records that telemetry keeps: what is configured, and at least half a second's worth; of a large
+/// fleet as many as fit into [`RECORDS_BYTES`].
 pub(super) fn record_capacity(config: &Config) -> usize {
     let half_second = 500_000_000 / config.timing.period_ns.max(1);
-    config.telemetry.queue_periods.max(usize::try_from(half_second).unwrap_or(usize::MAX))
+    let wanted = config.telemetry.queue_periods.max(usize::try_from(half_second).unwrap_or(usize::MAX));
+    let robot = size_of::<RobotState>() + size_of::<RobotCommand>() + size_of::<RobotTelemetry>();
+    let fit = RECORDS_BYTES / (robot * config.scenario.robots.len().max(1));
+    wanted.min(fit.max(RECORDS_MIN))
 }
 
 /// How long housekeeping sleeps between two looks at the records.

@@ -1,7 +1,7 @@
 use super::Scenario;
 use crate::document::ErrorKind;
-use crate::geometry::Vec2;
-use crate::model::Obstacle;
+use crate::geometry::{Grid, Vec2};
+use crate::model::{Obstacle, RobotSpec};
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
@@ -68,7 +68,7 @@ pub(super) struct Fault {
 
 /// Every rule that `scenario` breaks, at most [`FAULTS_MAX`]. Files and built-ins pass here alike.
 ///
-/// Cost: quadratic in the robots, plus robots times obstacles.
+/// Cost: the robots times those near each, plus robots times obstacles.
 pub(super) fn faults(scenario: &Scenario) -> Vec<Fault> {
     let mut check = Check { scenario, faults: Vec::new() };
     check.values();
@@ -192,9 +192,25 @@ impl Check<'_> {
 
     fn distances(&mut self) {
         let s = self.scenario;
-        for j in 0..s.robots.len() {
-            let (a, margin) = (&s.robots[j], s.limits.safety_margin_m);
-            for i in 0..j {
+        let margin = s.limits.safety_margin_m;
+        let largest_m = s.robots.iter().map(|r| r.radius_m).fold(0.0, f64::max);
+        let cell_m = (margin + 2.0 * largest_m).max(f64::MIN_POSITIVE.sqrt());
+        let (start, goal) = (|r: &RobotSpec| r.start.position_m, |r: &RobotSpec| r.goal_m);
+        let mut grids = [start as fn(&RobotSpec) -> Vec2, goal].map(|place| {
+            let mut grid = Grid::with_capacity(s.robots.len(), cell_m);
+            grid.build(s.robots.iter().map(place));
+            (grid, place)
+        });
+        let mut near = Vec::new();
+        for (j, a) in s.robots.iter().enumerate() {
+            near.clear();
+            for (grid, place) in &mut grids {
+                let reach_m = margin + a.radius_m + largest_m;
+                grid.near(place(a), reach_m, |range| near.extend_from_slice(&grid.order()[range]));
+            }
+            near.sort_unstable();
+            near.dedup();
+            for i in near.iter().map(|i| *i as usize).take_while(|i| *i < j) {
                 if self.full() {
                     return;
                 }

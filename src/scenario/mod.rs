@@ -46,7 +46,7 @@ pub struct Scenario {
 
 impl Scenario {
     /// Most robots of a fleet.
-    pub const MAX_ROBOTS: usize = 4096;
+    pub const MAX_ROBOTS: usize = 131_072;
     /// Most obstacles.
     pub const MAX_OBSTACLES: usize = 1024;
     /// Tolerance of a scenario that gives none, m.

@@ -40,5 +40,5 @@ pub struct RobotCheckpoint {
 
 impl RobotCheckpoint {
     /// Room for a robot's memory.
-    pub const WORDS: usize = 24;
+    pub const WORDS: usize = 32;
 }

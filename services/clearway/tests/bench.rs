@@ -118,3 +118,32 @@ fn a_soak_is_sound_across_2_to_the_32() {
     assert!(soak["laps"].as_u64().is_some_and(|laps| laps > 10));
     assert!(soak["resident_kib"].as_array().is_some_and(|looks| looks.len() >= 2));
 }
+
+#[test]
+fn whole_periods_of_a_fleet_are_timed() {
+    let run = format!("cwscale{}_", std::process::id());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let svg = std::env::temp_dir().join(format!("clearway-scale-{}.svg", std::process::id()));
+    let output = Command::new(env!("CARGO_BIN_EXE_clearway"))
+        .args(["bench", "scale", "--robots", "200", "--workers", "2", "--periods", "10", "--warm-up", "3"])
+        .args(["--json", "-", "--plot", svg.to_str().unwrap()])
+        .env("CLEARWAY_IOX2_PREFIX", &run)
+        .env("CLEARWAY_IOX2_ROOT", std::env::temp_dir().join(&run))
+        .current_dir(root)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let report = json(&output.stdout);
+    assert_eq!((report["robots"].as_u64(), report["workers"].as_u64()), (Some(200), Some(2)), "{report}");
+    assert_eq!(report["budget_ms"].as_f64(), Some(80.0));
+    for key in ["neighbours_mean", "ns_per_robot", "deadline_misses", "periods"] {
+        assert!(report[key].as_f64().is_some(), "{key} {report}");
+    }
+    let at = |key: &str| report["step_ms"][key].as_f64().unwrap();
+    assert!(at("p50") > 0.0 && at("p50") <= at("p99") && at("p99") <= at("max"), "{report}");
+    assert_eq!(report["violations"], 0, "{report}");
+    let drawn = std::fs::read_to_string(&svg).unwrap();
+    std::fs::remove_file(&svg).unwrap();
+    let _ = std::fs::remove_dir_all(std::env::temp_dir().join(&run));
+    assert!(drawn.starts_with("<svg") || drawn.starts_with("<?xml"), "{drawn}");
+}

@@ -3,7 +3,7 @@ use crate::geometry::{Pose, Vec2};
 use crate::model::{Limits, Obstacle, RobotId, RobotSpec};
 
 /// Radius of a robot of the paper, m.
-const RADIUS_M: f64 = 0.15;
+pub(super) const RADIUS_M: f64 = 0.15;
 
 /// A scenario under construction, with the paper's limits. Coordinates are (x, y) in m.
 pub(super) struct Fleet(Scenario);
@@ -36,6 +36,11 @@ impl Fleet {
     /// Sets the time after which the run is given up, s.
     pub(super) fn give_up_after(&mut self, duration_s: f64) {
         self.0.duration_s = duration_s;
+    }
+
+    /// Sets the largest speed, m/s.
+    pub(super) fn at_most(&mut self, v_max_mps: f64) {
+        self.0.limits.v_max_mps = v_max_mps;
     }
 
     /// Replaces every robot's heading by what `theta_rad` gives, in order of id.

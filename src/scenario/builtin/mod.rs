@@ -4,6 +4,7 @@
 //! from [`rng::SplitMix64`] seeded by the name, trigonometry from `libm` and not from the platform.
 
 mod blocked;
+mod field;
 mod fleet;
 mod open;
 mod rng;
@@ -41,6 +42,8 @@ use Members::{Count, CountSeed, One, Seed};
 
 /// More robots than this are for scenario files.
 const MANY: u32 = 2000;
+/// Most robots of a field.
+const FIELD_MAX: u32 = 100_000;
 
 const FAMILIES: &[Family] = &[
     Family {
@@ -63,6 +66,11 @@ const FAMILIES: &[Family] = &[
         pattern: "random-N-SEED",
         about: "random starts, goals and headings, 9 m² for each robot",
         members: CountSeed(1..=MANY, open::random),
+    },
+    Family {
+        pattern: "field-N-SEED",
+        about: "circular streets of which the robots cover 7 %, each going 12 m and changing lanes",
+        members: CountSeed(1..=FIELD_MAX, field::field),
     },
     Family {
         pattern: "rows-N",

@@ -3,6 +3,7 @@
 mod latency;
 mod machine;
 mod quantiles;
+mod scale;
 mod soak;
 mod solve;
 mod wakeup;
@@ -26,6 +27,7 @@ enum Bench {
     #[command(hide = true)]
     LatencyProcess(latency::ProcessArgs),
     Soak(soak::Args),
+    Scale(scale::Args),
     Solve(solve::Args),
     Wakeup(wakeup::Args),
 }
@@ -35,6 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
         Bench::Latency(args) => latency::run(args),
         Bench::LatencyProcess(args) => latency::run_process(args).map(|()| true),
         Bench::Soak(args) => soak::run(args),
+        Bench::Scale(args) => scale::run(args).map(|()| true),
         Bench::Solve(args) => solve::run(args).map(|()| true),
         Bench::Wakeup(args) => wakeup::run(args).map(|()| true),
     }
