@@ -1,0 +1,130 @@
+"""Codes and flags of the wire, version 1. They are only appended: expect numbers that are not here."""
+
+from enum import IntEnum, IntFlag
+
+NO_ROBOT = 0xFFFF_FFFF
+"""In place of an id: no robot."""
+
+
+class StateFlags(IntFlag):
+    """Bits of ``RobotState.flags``."""
+
+    VALID = 1 << 0
+    """The pose comes from an accepted observation. Without it the pose is the last good one and the robot
+    is told to stop."""
+    ARRIVED = 1 << 1
+    """The robot is inside the tolerance of its goal."""
+    FOREIGN = 1 << 2
+    """The robot is observed, takes no commands and has no goal."""
+    VACANT = 1 << 3
+    """Nobody: a free place of the fleet. The rest of the record says nothing."""
+    PAUSED = 1 << 4
+    """The fleet is paused until it is resumed."""
+    STOPPED = 1 << 5
+    """The fleet was stopped by an operator until that is cleared."""
+
+
+class TelemetryFlags(IntFlag):
+    """Bits of ``RobotTelemetry.flags``."""
+
+    STALLED = 1 << 0
+    """No progress for more than a second, and not arrived."""
+    GIVING_WAY = 1 << 1
+    """The robot has left its goal, or its way, to let another one pass."""
+    HOLDING = 1 << 2
+    """The robot holds its place inside the tolerance of its goal."""
+
+
+class AdminFlags(IntFlag):
+    """Bits of ``AdminAnswer.flags``."""
+
+    PAUSED = 1 << 0
+    """The fleet is paused until it is resumed."""
+    STOPPED = 1 << 1
+    """The fleet was stopped by an operator until that is cleared."""
+    DEGRADED = 1 << 2
+    """The kernel refused a real-time call."""
+    MEMORY_LOCKED = 1 << 3
+    """All memory is locked."""
+    OBSERVED = 1 << 4
+    """States come from the ``observation`` channel."""
+    ENDS_ON_ARRIVAL = 1 << 5
+    """The run ends when every robot has arrived."""
+
+
+class StopReason(IntEnum):
+    """Why a robot was told to stop; 0 on the wire is a verified command."""
+
+    START = 1
+    """The first period of an epoch."""
+    DEADLINE = 2
+    """Its command was not complete at the deadline."""
+    UNVERIFIED = 3
+    """Its solution did not pass verification."""
+    SOLVER = 4
+    """The solver returned no solution."""
+    CROWDED = 5
+    """More neighbours can bind than there are rows."""
+    NO_STATE = 6
+    """There is no trusted state of this robot."""
+    OPERATOR = 7
+    """An operator or a signal asked for it."""
+    FINISHED = 8
+    """The run is over."""
+    FOREIGN = 9
+    """The robot is observed and takes no commands."""
+    PAUSED = 10
+    """The fleet is paused."""
+    STOPPED = 11
+    """An operator stopped the fleet, until that is cleared."""
+    VACANT = 12
+    """There is no robot: a free place of the fleet."""
+
+
+class SolveStatus(IntEnum):
+    """How a robot's programme ended."""
+
+    NOT_SOLVED = 0
+    VERIFIED = 1
+    REFUSED = 2
+    """A solution came back and verification refused it."""
+    FAILED = 3
+    """The solver gave up."""
+
+
+class AdminKind(IntEnum):
+    """What a request asks for."""
+
+    STATUS = 1
+    CONFIGURATION = 2
+    SET_GOALS = 3
+    PAUSE = 4
+    RESUME = 5
+    STOP = 6
+    CLEAR = 7
+    ADD_ROBOT = 8
+    REMOVE_ROBOT = 9
+    SCENARIO = 10
+
+
+class AdminCode(IntEnum):
+    """What became of a request. Every code but ``DONE`` has an exception in :mod:`clearway.refusals`."""
+
+    DONE = 0
+    BUSY = 1
+    EXPIRED = 2
+    MALFORMED = 3
+    OTHER_EPOCH = 4
+    UNKNOWN_ROBOT = 5
+    FOREIGN_ROBOT = 6
+    REPEATED_ROBOT = 7
+    TAKEN_ID = 8
+    NOT_FINITE = 9
+    OUTSIDE_ARENA = 10
+    INSIDE_OBSTACLE = 11
+    GOAL_TAKEN = 12
+    TOO_CLOSE = 13
+    BAD_RADIUS = 14
+    FULL = 15
+    STOPPED = 16
+    ENDING = 17
