@@ -144,6 +144,14 @@ impl Gate {
         if self.current.acts_at(now_ns) { self.current.command } else { Command::STOP }
     }
 
+    /// Whether a command acts at `now_ns`; without one the robot stands still.
+    ///
+    /// Times must not run backwards from call to call.
+    pub fn is_commanded(&mut self, now_ns: u64) -> bool {
+        self.promote(now_ns);
+        self.current.acts_at(now_ns)
+    }
+
     /// The next instant after `now_ns` at which [`Gate::input`] can change without a new command.
     pub fn next_change_ns(&self, now_ns: u64) -> Option<u64> {
         let times = [self.current.until_ns, self.pending.from_ns, self.pending.until_ns];
@@ -184,7 +192,7 @@ mod tests {
         let mut g = gate();
         g.offer(&header(1, 5), &go(2.0), 420).unwrap();
         for (now, v) in [(420, 0.0), (499, 0.0), (500, 2.0), (599, 2.0), (600, 0.0), (10_000, 0.0)] {
-            assert_eq!(g.input(now).v_mps, v, "at {now}");
+            assert_eq!((g.input(now).v_mps, g.is_commanded(now)), (v, v > 0.0), "at {now}");
         }
     }
 

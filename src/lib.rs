@@ -51,6 +51,7 @@
 //! | what a run is judged by | [`report`] |
 //! | the loop, the workers and what keeps house | [`runtime`] |
 //! | how other processes read along and give orders | [`attach`] |
+//! | robots in a process of their own | [`robots`] |
 
 // Tests in modules and beside them share their helpers.
 #[cfg(test)]
@@ -77,6 +78,7 @@ pub mod plant;
 pub mod programme;
 pub mod realtime;
 pub mod report;
+pub mod robots;
 pub mod runtime;
 pub mod scenario;
 pub mod schedule;

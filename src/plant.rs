@@ -9,7 +9,7 @@
 use crate::actuation::{Gate, Refusal};
 use crate::config::DisturbanceConfig;
 use crate::disturbance::DisturbedFleet;
-use crate::geometry::{Arc, Integration, Pose};
+use crate::geometry::{Arc, Integration, Pose, TimedArc};
 use crate::model::{Command, Limits, RobotId};
 use crate::scenario::Scenario;
 use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand};
@@ -39,6 +39,19 @@ impl Disturbed {
     fn at_ns(&self, step: u64) -> u64 {
         let since = u128::from(step) * u128::from(self.period_ns) / u128::from(DisturbedFleet::STEPS);
         self.start_ns.saturating_add(u64::try_from(since).unwrap_or(u64::MAX))
+    }
+
+    /// Puts the end of a step at `at_ns`; the next step begins less than a step from now.
+    fn align(&mut self, at_ns: u64) {
+        let now_ns = self.at_ns(self.steps);
+        let back = now_ns.saturating_sub(at_ns).div_ceil(self.period_ns);
+        let ahead = at_ns.saturating_sub(now_ns).div_ceil(self.period_ns);
+        let shift = |periods: u64| periods.saturating_mul(self.period_ns);
+        self.start_ns = at_ns.saturating_add(shift(back.saturating_sub(1))).saturating_sub(shift(ahead));
+        self.steps = 0;
+        while self.at_ns(self.steps) < now_ns {
+            self.steps += 1;
+        }
     }
 
     /// The period that a step belongs to.
@@ -141,13 +154,46 @@ impl Plant {
         }
     }
 
+    /// The time up to which its robots have moved, ns: of the last step where they move in steps.
+    pub fn time_ns(&self) -> u64 {
+        self.disturbed.as_ref().map_or(self.now_ns, |disturbed| disturbed.at_ns(disturbed.steps))
+    }
+
+    /// Whether the `index`-th robot has a command that acts now.
+    pub fn is_commanded(&mut self, index: usize) -> bool {
+        let now_ns = self.time_ns();
+        self.robots.get_mut(index).is_some_and(|(_, gate)| gate.is_commanded(now_ns))
+    }
+
+    /// Lets steps, where robots move in steps, begin at the instants of a schedule that one of its periods
+    /// starts at `release_ns`: no step is then driven half on a command that has expired. Until the first of
+    /// them, for less than a step, the robots stand.
+    pub fn align(&mut self, release_ns: u64, mut each: impl FnMut(usize, TimedArc)) {
+        let from_ns = self.time_ns();
+        let Some(disturbed) = &mut self.disturbed else { return };
+        disturbed.align(release_ns);
+        let to_ns = disturbed.at_ns(disturbed.steps);
+        for (index, (pose, _)) in self.robots.iter().enumerate().filter(|_| to_ns > from_ns) {
+            each(index, TimedArc { from_ns, to_ns, arc: Arc { start: *pose, v_mps: 0.0, omega_radps: 0.0 } });
+        }
+    }
+
     /// Moves every robot on to `to_ns`; does nothing when that time has passed.
     pub fn advance(&mut self, to_ns: u64) {
+        self.advance_with(to_ns, |_, _| {});
+    }
+
+    /// The same, and tells how each robot moved: one robot's pieces come in the order of time, without gaps.
+    pub fn advance_with(&mut self, to_ns: u64, mut each: impl FnMut(usize, TimedArc)) {
         if let Some(disturbed) = &mut self.disturbed {
             while disturbed.at_ns(disturbed.steps + 1) <= to_ns {
-                let (from, end) = (disturbed.at_ns(disturbed.steps), disturbed.at_ns(disturbed.steps + 1));
+                let (from_ns, end_ns) =
+                    (disturbed.at_ns(disturbed.steps), disturbed.at_ns(disturbed.steps + 1));
                 let robots = &mut self.robots;
-                disturbed.fleet.step(|index| robots[index].1.input(from.midpoint(end)));
+                let arcs = disturbed.fleet.step(|index| robots[index].1.input(from_ns.midpoint(end_ns)));
+                for (index, arc) in arcs.iter().enumerate() {
+                    each(index, TimedArc { from_ns, to_ns: end_ns, arc: *arc });
+                }
                 disturbed.steps += 1;
             }
             for (index, (pose, _)) in self.robots.iter_mut().enumerate() {
@@ -156,14 +202,15 @@ impl Plant {
             self.now_ns = self.now_ns.max(to_ns);
             return;
         }
-        for (pose, gate) in &mut self.robots {
+        for (index, (pose, gate)) in self.robots.iter_mut().enumerate() {
             let mut at_ns = self.now_ns;
             while at_ns < to_ns {
                 let input = gate.input(at_ns);
                 // An input holds until the gate can change its mind, so every piece is one arc.
                 let end_ns = gate.next_change_ns(at_ns).map_or(to_ns, |change| change.min(to_ns));
+                let arc = Arc { start: *pose, v_mps: input.v_mps, omega_radps: input.omega_radps };
+                each(index, TimedArc { from_ns: at_ns, to_ns: end_ns, arc: self.integration.path(&arc) });
                 if input != Command::STOP {
-                    let arc = Arc { start: *pose, v_mps: input.v_mps, omega_radps: input.omega_radps };
                     *pose = self.integration.pose(&arc, (end_ns - at_ns) as f64 * 1e-9);
                 }
                 at_ns = end_ns;
@@ -239,6 +286,56 @@ mod tests {
         p.command(0, &header(0), &drive(1.0, 0.0), 0).unwrap();
         p.advance(50 * T);
         assert_eq!(p.pose(0), Some(Pose::new(0.08, 0.0, 0.0)));
+    }
+
+    #[test]
+    fn the_pieces_of_a_motion_join_and_end_where_the_robot_is() {
+        let mut p = plant();
+        p.command(0, &header(1), &drive(3.0, 0.7), 10).unwrap();
+        let mut pieces = vec![];
+        for to_ns in [T / 3, T + T / 3, T + T / 2, 4 * T] {
+            p.advance_with(to_ns, |index, piece| pieces.push((index, piece)));
+            assert_eq!(p.time_ns(), to_ns);
+        }
+        let times: Vec<_> = pieces.iter().map(|(_, p)| (p.from_ns, p.to_ns, p.arc.v_mps)).collect();
+        let expected = [
+            (0, T / 3, 0.0),
+            (T / 3, T, 0.0),
+            (T, T + T / 3, 3.0),
+            (T + T / 3, T + T / 2, 3.0),
+            (T + T / 2, 2 * T, 3.0),
+            (2 * T, 4 * T, 0.0),
+        ];
+        assert_eq!(times, expected);
+        for pair in pieces.windows(2) {
+            assert_eq!(pair[0].1.arc.pose(pair[0].1.duration_s()), pair[1].1.arc.start);
+        }
+        let whole = TimedArc { from_ns: T, to_ns: 2 * T, arc: pieces[2].1.arc };
+        let rest = whole.from(T + T / 2);
+        assert!((rest.arc.pose(rest.duration_s()).position_m - p.pose(0).unwrap().position_m).norm() < 1e-12);
+    }
+
+    #[test]
+    fn steps_are_put_in_phase_with_a_schedule_wherever_it_starts() {
+        let scenario = Scenario::builtin("swap8").unwrap();
+        let mut config = DisturbanceConfig::default();
+        config.amplitude.slip = 0.01;
+        for start_ns in [9 * T, 9 * T + 7, 9 * T + T / 3, 1_023_456_789] {
+            for release_ns in [0, 1, T / 2 + 1, 3 * T + 5, 1_000_000_007] {
+                let mut p = Plant::new(&scenario, T, start_ns).disturbed(&scenario, &config, T);
+                p.advance(start_ns + T / 4 + 3);
+                let before = p.time_ns();
+                let mut stood = vec![];
+                p.align(release_ns, |_, piece| stood.push((piece.from_ns, piece.to_ns)));
+                let after = p.time_ns();
+                assert!((before..=before + T / 32 + 1).contains(&after), "{before} {after}");
+                assert!(stood.iter().all(|piece| *piece == (before, after)));
+                // Every period of the schedule begins with a step.
+                let next = release_ns + (after.saturating_sub(release_ns)).div_ceil(T) * T;
+                p.advance(next);
+                assert_eq!(p.time_ns(), next);
+            }
+        }
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! Reads the period's start and the commands that are in force, writes the poses at `t_k` and their
 //! validity. Both sources answer for exactly `t_k`: an observation made a little earlier or later is
 //! carried along the arcs of the commands that were in force between. So is the last good pose of a
-//! robot that is not heard any more: it went on driving until it was told to stop. A foreign robot
+//! robot that is not heard any more: it went on driving until it was told to stop, or has stopped on the
+//! way, and its pose is the middle of that way, with half its length as uncertainty. A foreign robot
 //! takes no commands; its pose stays where it was seen, with how far it may have come since. World
 //! frame, metres, radians, `CLOCK_MONOTONIC` ns. Neither allocates after it is made.
 
@@ -140,6 +141,19 @@ struct Carried {
     seen: (Pose, u64),
     pose: Pose,
     at_ns: u64,
+    /// Length of the way from where it was seen, m.
+    way_m: f64,
+}
+
+impl Carried {
+    /// Where a robot that is not heard any more is taken to be, and how far from there it may be, m.
+    ///
+    /// What keeps it from being heard may keep it from hearing: it may have stopped anywhere on the way.
+    /// From the middle between its ends no point of the way is further than half of its length.
+    fn unheard(&self) -> (Pose, f64) {
+        let position_m = (self.seen.0.position_m + self.pose.position_m) * 0.5;
+        (Pose { position_m, ..self.pose }, 0.5 * self.way_m)
+    }
 }
 
 impl Observed {
@@ -185,14 +199,15 @@ impl Observed {
     ///
     /// Goes on from where it was carried to the last time, so that it does not matter how long ago it
     /// was seen: commands need not be remembered for longer than an observation may be old.
-    fn carry(&mut self, index: usize, seen: (Pose, u64), release_ns: u64) -> Pose {
-        let (pose, at_ns) = match self.carried[index] {
-            Some(carried) if carried.seen == seen => (carried.pose, carried.at_ns),
-            _ => seen,
+    fn carry(&mut self, index: usize, seen: (Pose, u64), release_ns: u64) -> Carried {
+        let (pose, at_ns, before_m) = match self.carried[index] {
+            Some(carried) if carried.seen == seen => (carried.pose, carried.at_ns, carried.way_m),
+            _ => (seen.0, seen.1, 0.0),
         };
-        let pose = self.held.carry(index, pose, at_ns, release_ns);
-        self.carried[index] = Some(Carried { seen, pose, at_ns: release_ns });
-        pose
+        let (pose, way_m) = self.held.carry(index, pose, at_ns, release_ns);
+        let carried = Carried { seen, pose, at_ns: release_ns, way_m: before_m + way_m };
+        self.carried[index] = Some(carried);
+        carried
     }
 
     /// Forgets who stood at `index` and what it was told.
@@ -205,7 +220,7 @@ impl Observed {
 
     /// Counts a robot of ours that was seen anew and has just frozen.
     fn watch(&mut self, index: usize, (pose, stamp_ns): (Pose, u64)) {
-        let told = |from, from_ns| self.held.carry(index, from, from_ns, stamp_ns);
+        let told = |from, from_ns| self.held.carry(index, from, from_ns, stamp_ns).0;
         self.frozen_robots += u64::from(self.stillness[index].add(pose, stamp_ns, told));
     }
 }
@@ -248,7 +263,9 @@ impl StateSource for Observed {
             if valid {
                 self.watch(index, seen);
             }
-            set_pose(state, self.carry(index, seen, instant.release_ns), 0.0, valid);
+            let carried = self.carry(index, seen, instant.release_ns);
+            let (pose, unknown_m) = if valid { (carried.pose, 0.0) } else { carried.unheard() };
+            set_pose(state, pose, unknown_m, valid);
         }
     }
 
@@ -308,11 +325,12 @@ impl Held {
         }
     }
 
-    /// Where robot `index`, seen at `pose` at `stamp_ns`, is at `at_ns`, which may also lie before.
-    fn carry(&self, index: usize, pose: Pose, stamp_ns: u64, at_ns: u64) -> Pose {
+    /// Where robot `index`, seen at `pose` at `stamp_ns`, is at `at_ns`, which may also lie before, and the
+    /// length of the way between, m.
+    fn carry(&self, index: usize, pose: Pose, stamp_ns: u64, at_ns: u64) -> (Pose, f64) {
         let (start_ns, end_ns) = (stamp_ns.min(at_ns), stamp_ns.max(at_ns));
         let backwards = at_ns < stamp_ns;
-        let mut pose = pose;
+        let (mut pose, mut way_m) = (pose, 0.0);
         let history = self.periods.len();
         // Those that end after the start: a handful of the newest.
         let recent = (0..history)
@@ -327,8 +345,9 @@ impl Held {
             let s = overlap_ns as f64 * 1e-9;
             let arc = Arc { start: pose, v_mps: command.v_mps, omega_radps: command.omega_radps };
             pose = arc.pose(if backwards { -s } else { s });
+            way_m += command.v_mps.abs() * s;
         }
-        pose
+        (pose, way_m)
     }
 }
 
@@ -358,7 +377,7 @@ mod tests {
     #[test]
     fn an_observation_is_carried_along_the_commands_in_force() {
         let held = held();
-        let x = |stamp, at| held.carry(0, Pose::new(10.0, 0.0, 0.0), stamp, at).position_m.x;
+        let x = |stamp, at| held.carry(0, Pose::new(10.0, 0.0, 0.0), stamp, at).0.position_m.x;
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} is not {b}");
         close(x(300, 300), 10.0);
         close(x(250, 300), 11.0);
@@ -387,7 +406,7 @@ mod tests {
                 // The commands of `tick` are out, the state of the period before is wanted.
                 let Some(now_ns) = (tick * T).checked_sub(T / 2) else { continue };
                 let Some(stamp_ns) = now_ns.checked_sub(periods * T) else { continue };
-                let pose = held.carry(0, Pose::new(0.0, 0.0, 0.0), stamp_ns, now_ns);
+                let (pose, _) = held.carry(0, Pose::new(0.0, 0.0, 0.0), stamp_ns, now_ns);
                 assert!((pose.position_m.x - periods as f64).abs() < 1e-9, "{periods} {tick} {pose:?}");
             }
         }
@@ -424,9 +443,25 @@ mod tests {
             held.remember(&header, &[RobotCommand::verified(RobotId(0), command)]);
         }
         let pose = Pose::new(1.0, 2.0, 0.5);
-        let there = held.carry(0, pose, 10_000_000, 200_000_000);
-        let back = held.carry(0, there, 200_000_000, 10_000_000);
+        let (there, way_m) = held.carry(0, pose, 10_000_000, 200_000_000);
+        let (back, way_back_m) = held.carry(0, there, 200_000_000, 10_000_000);
         assert!((back.position_m - pose.position_m).norm() < 1e-12);
         assert!((back.theta_rad - pose.theta_rad).abs() < 1e-12);
+        // 190 ms at 2 m/s.
+        assert!((way_m - 0.38).abs() < 1e-12 && (way_back_m - way_m).abs() < 1e-12, "{way_m}");
+    }
+
+    /// Wherever on its way a robot stopped that is not heard: it is where it may be.
+    #[test]
+    fn an_unheard_robot_is_within_its_uncertainty() {
+        for omega_radps in [-1.0, 0.0, 0.4, 3.0] {
+            let arc = Arc { start: Pose::new(1.0, 2.0, 0.5), v_mps: 2.0, omega_radps };
+            let carried = Carried { seen: (arc.start, 0), pose: arc.pose(1.5), at_ns: 1, way_m: 3.0 };
+            let (middle, unknown_m) = carried.unheard();
+            for step in 0..=100 {
+                let there = arc.position(0.015 * f64::from(step));
+                assert!((there - middle.position_m).norm() <= unknown_m + 1e-12);
+            }
+        }
     }
 }

@@ -59,7 +59,7 @@ impl Client {
     /// Those of [`Client::connect`].
     pub fn connect_at(fleet: &str, location: &ChannelConfig) -> Result<Self, ChannelError> {
         let transport = Transport::new(fleet, location)?;
-        let client = Self { node: transport.attach("client")?, fleet: fleet.to_owned() };
+        let client = Self { node: transport.visit("client")?, fleet: fleet.to_owned() };
         if client.node.has_daemon() {
             return Ok(client);
         }

@@ -31,9 +31,9 @@ impl ObservationPublisher {
             return Err(ChannelError::Transfer { channel: "observation", reason });
         }
         if let Some(sample) = self.states.newest()? {
-            self.epoch = sample.header().epoch;
+            self.follow(sample.header().epoch);
         }
-        self.sequence += 1;
+        self.skip();
         let (epoch, sequence) = (self.epoch, self.sequence);
         self.writer.publish(|header, records| {
             (header.epoch, header.sequence, header.stamp_ns) = (epoch, sequence, stamp_ns);
@@ -47,5 +47,16 @@ impl ObservationPublisher {
                 };
             }
         })
+    }
+
+    /// Speaks to the daemon's run `epoch` from now on, unless a newer one is known: for who hears of it
+    /// before the run's first state, in a command.
+    pub fn follow(&mut self, epoch: u64) {
+        self.epoch = self.epoch.max(epoch);
+    }
+
+    /// Uses up the number of a sample that could not be sent, so that the daemon can count it as missing.
+    pub fn skip(&mut self) {
+        self.sequence = self.sequence.wrapping_add(1);
     }
 }

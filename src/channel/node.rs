@@ -144,6 +144,23 @@ impl Transport {
     /// # Errors
     /// [`ChannelError::Attach`].
     pub fn attach(&self, role: &str) -> Result<Attachment, ChannelError> {
+        self.node(role, &self.iceoryx)
+    }
+
+    /// The same for those who come and go: they leave the cleaning to the daemon. A clean-up that is
+    /// killed halfway leaves what nobody can remove any more.
+    ///
+    /// # Errors
+    /// [`ChannelError::Attach`].
+    pub fn visit(&self, role: &str) -> Result<Attachment, ChannelError> {
+        let mut iceoryx = self.iceoryx.clone();
+        iceoryx.global.node.cleanup_dead_nodes_on_creation = false;
+        iceoryx.global.node.cleanup_dead_nodes_on_destruction = false;
+        iceoryx.global.service.cleanup_dead_nodes_on_open = false;
+        self.node(role, &iceoryx)
+    }
+
+    fn node(&self, role: &str, iceoryx: &Config) -> Result<Attachment, ChannelError> {
         let failed = |reason: String| ChannelError::Attach {
             root: self.settings.root.to_string_lossy().into_owned(),
             reason,
@@ -152,7 +169,7 @@ impl Transport {
         let name = NodeName::new(&name).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
             .name(&name)
-            .config(&self.iceoryx)
+            .config(iceoryx)
             // Signals belong to the daemon.
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
@@ -311,9 +328,9 @@ impl Attachment {
         self.publisher(&self.open::<RobotObservation>()?, robots)
     }
 
-    /// Whether somebody writes the fleet's state.
+    /// Whether somebody who lives writes the fleet's state.
     pub fn has_daemon(&self) -> bool {
-        self.ports::<RobotState>().1 > 0
+        self.open::<RobotState>().is_ok_and(|service| self.owner_of(&service).is_some())
     }
 
     /// Attaches to `admin` as a client.

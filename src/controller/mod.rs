@@ -106,8 +106,10 @@ struct Law {
     max_age_s: f64,
     /// Time for which a foreign robot moves while a command of ours may, from its state on, s.
     foreign_s: f64,
-    /// How far a robot of ours without a trusted state may be from where it is carried to, m.
+    /// How far a robot of ours without a trusted state may be from where it is taken to be, m: at least,
+    /// and what disturbances add.
     untrusted_m: f64,
+    lost_m: f64,
     /// Largest radius of the fleet, m, and how far at most a robot may be from where it is seen, m: of
     /// this period's states.
     largest_radius_m: f64,
@@ -124,13 +126,14 @@ impl Law {
         self.margin = self.bounds.map(|b| Margin::new(b, &self.limits, self.period_s, ahead_s));
         self.foreign_s = foreign_periods * self.period_s + self.margin.map_or(0.0, |m| m.rest_s());
         let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
-        self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps()
-            + self.margin.map_or(0.0, |m| m.lost_m(silent_s));
+        self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
+        self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
         let largest = |of: fn(&RobotState) -> f64| fleet.iter().map(of).fold(0.0f64, f64::max);
         let foreign = self.foreign_speed_mps.iter().flatten().copied().fold(0.0f64, f64::max);
         let unseen = largest(|robot| robot.uncertainty_m);
         self.largest_radius_m = largest(|robot| robot.radius_m);
-        self.unknown_m = self.untrusted_m.max(unseen + self.foreign_s * foreign);
+        let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
+        self.unknown_m = self.untrusted_m.max(unseen + way_m.max(self.foreign_s * foreign)) + self.lost_m;
     }
 
     /// κ of the commands; 0 without disturbances.
@@ -249,6 +252,7 @@ impl RobotGroup {
             max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
             foreign_s: 0.0,
             untrusted_m: 0.0,
+            lost_m: 0.0,
             largest_radius_m: 0.0,
             unknown_m: 0.0,
             foreign_speed_mps: (0..robots)

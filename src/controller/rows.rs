@@ -74,7 +74,11 @@ pub(super) fn bodies<'a>(
         let (unknown_m, share) = match law.foreign_speed_mps[n.index] {
             Some(speed_mps) => (other.uncertainty_m + law.foreign_s * speed_mps, 1.0),
             None if other.has(state_flags::VALID) => (0.0, 0.5),
-            None => (law.untrusted_m, 0.5),
+            // It drives on under the command in force, or stands anywhere on the way since it was seen.
+            None => {
+                let way_m = other.uncertainty_m + other.v_mps.abs() * law.period_s * (1.0 + law.spread());
+                (law.untrusted_m.max(way_m) + law.lost_m, 0.5)
+            }
         };
         let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown_m;
         (n.distance_m <= reach(required_m, share)).then(|| {

@@ -11,4 +11,5 @@ mod noise;
 mod remaining;
 
 pub use fleet::DisturbedFleet;
+pub use noise::is_lost;
 pub use remaining::Remaining;

@@ -9,6 +9,12 @@ pub(super) enum Use {
     Slip,
     Direction,
     Turn,
+    Loss,
+}
+
+/// Whether the `number`-th of `writer`'s samples is lost, each with probability `share`.
+pub fn is_lost(seed: u64, writer: u32, number: u64, share: f64) -> bool {
+    uniform(seed, writer, number, Use::Loss) < share
 }
 
 /// A uniform number in [0, 1): the same for the same seed, robot, instant and use.
@@ -43,6 +49,9 @@ mod tests {
         let variance = draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(n);
         assert!((mean - 0.5).abs() < 0.01 && (variance - 1.0 / 12.0).abs() < 0.005, "{mean} {variance}");
         assert!(draws.iter().all(|x| (0.0..1.0).contains(x)));
+        let lost = (0..n).filter(|k| is_lost(7, 2, u64::from(*k), 0.25)).count();
+        assert!((4_800..5_200).contains(&lost), "{lost}");
+        assert!((0..100).all(|k| !is_lost(7, 2, k, 0.0) && is_lost(7, 2, k, 1.0)));
         let one = uniform(7, 3, 11, Use::Slip);
         assert_eq!(one, uniform(7, 3, 11, Use::Slip));
         for other in [

@@ -8,8 +8,10 @@
 //! near and one exact minimum for every
 //! pair that could lower the minimum.
 
+mod clearances;
 mod latency;
 
+pub use clearances::Clearances;
 pub use latency::{LatencyHistogram, LatencyNs};
 
 use crate::geometry::{

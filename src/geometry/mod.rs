@@ -9,12 +9,14 @@ mod arc;
 mod distance;
 mod grid;
 mod shape;
+mod timed;
 
 pub use angle::{bearing, rotate, unit, wrap};
 pub use arc::{Arc, Integration, Pose, chord_factor, sinc};
 pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_distance_arcs};
 pub use grid::Grid;
 pub use shape::{closest_point_on_segment, segment_distance};
+pub use timed::{TimedArc, min_distance_timed};
 
 /// A point or vector in the plane, metres.
 pub type Vec2 = nalgebra::Vector2<f64>;

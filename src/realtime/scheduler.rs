@@ -12,6 +12,8 @@ pub enum Role {
     Loop,
     /// Solves; runs one below the loop.
     Worker(usize),
+    /// Moves robots that another process controls; runs two below that one's loop.
+    Robots,
 }
 
 impl Role {
@@ -19,6 +21,7 @@ impl Role {
         match self {
             Self::Loop => i32::from(config.priority),
             Self::Worker(_) => i32::from(config.priority.saturating_sub(1).max(1)),
+            Self::Robots => i32::from(config.priority.saturating_sub(2).max(1)),
         }
     }
 }
@@ -28,6 +31,7 @@ impl std::fmt::Display for Role {
         match self {
             Self::Loop => f.write_str("the loop thread"),
             Self::Worker(index) => write!(f, "worker {index}"),
+            Self::Robots => f.write_str("the robots' thread"),
         }
     }
 }
@@ -94,7 +98,11 @@ pub fn enter(role: Role, config: &RealTimeConfig, seat: Seat) -> ThreadGrant {
         Err(e) => grant.refused.push(format!(
             "{} without SCHED_FIFO priority {priority}: {e}; grant CAP_SYS_NICE, or raise the \
              limit (`ulimit -r {priority}`, LimitRTPRIO={priority} in the unit, rtprio in limits.conf)",
-            if role == Role::Loop { "the loop thread runs" } else { "workers run" },
+            match role {
+                Role::Loop => "the loop thread runs",
+                Role::Worker(_) => "workers run",
+                Role::Robots => "the robots' thread runs",
+            },
         )),
     }
     grant

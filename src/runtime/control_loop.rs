@@ -111,7 +111,8 @@ impl LoopMemory {
         }
         for (index, state) in self.states.iter_mut().enumerate() {
             if !state.has(state_flags::FOREIGN) {
-                state.uncertainty_m = remaining.travel_m(index);
+                // On top of how far one that is not heard may be from its pose.
+                state.uncertainty_m += remaining.travel_m(index);
             }
             remaining.hold(index, state.command());
         }

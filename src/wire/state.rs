@@ -4,8 +4,8 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// Bits of [`RobotState::flags`].
 pub mod state_flags {
-    /// The pose comes from an accepted observation. Without it the pose is the last good one, the
-    /// robot is told to stop, and others keep a larger distance.
+    /// The pose comes from an accepted observation. Without it the pose is the middle of the way that it was
+    /// told to drive since the last good one, the robot is told to stop, and others keep a larger distance.
     pub const VALID: u32 = 1;
     /// The robot is inside the tolerance of its goal.
     pub const ARRIVED: u32 = 1 << 1;
@@ -64,7 +64,8 @@ pub struct RobotState {
     /// How far a foreign robot may have moved from this pose by `t_k`, m: its speed bound times the
     /// age of its last good observation; +∞ before the first. For the robots of the fleet what they may
     /// still travel after `t_k` on earlier commands than the one held: 0 unless `[robust]` allows for lag
-    /// or delay.
+    /// or delay. For one that is not VALID also how far from its pose it may be: half of the way that it
+    /// was told to drive since it was last seen; the pose is the middle of that way.
     pub uncertainty_m: f64,
     /// What the robot meant to do when it chose its command.
     pub intent: RobotIntent,

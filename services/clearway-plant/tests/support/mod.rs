@@ -1,0 +1,236 @@
+//! Daemons and plants as processes, in a world of their own.
+#![allow(dead_code, unreachable_pub, reason = "each test file uses a part")]
+
+#[path = "../../../../tests/support/mod.rs"]
+mod base;
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use clearway::attach::{Client, Subscriber};
+use clearway::figures::Clearances;
+use clearway::robots::{MotionRecord, motions};
+use clearway::scenario::Scenario;
+use clearway::wire::{CommandHeader, RobotCommand};
+use rustix::process::{Pid, Signal, kill_process};
+
+pub use base::World;
+
+/// Far longer than any of this takes; a hang must not hang the suite.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A process that does not outlive its test.
+pub struct Process(pub Child);
+
+impl Process {
+    pub fn start(mut command: Command) -> Self {
+        Self(command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+    }
+
+    pub fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.0), signal).unwrap();
+    }
+
+    /// Ends it as no process can resist.
+    pub fn kill(mut self) {
+        self.signal(Signal::KILL);
+        self.wait();
+    }
+
+    pub fn wait(&mut self) -> ExitStatus {
+        until(|| self.0.try_wait().unwrap())
+    }
+
+    /// Stops it, and returns when it stands.
+    pub fn pause(&self) {
+        self.signal(Signal::STOP);
+        let stat = format!("/proc/{}/stat", self.0.id());
+        until(|| {
+            std::fs::read_to_string(&stat).unwrap().rsplit(')').next()?.trim().starts_with('T').then_some(())
+        });
+    }
+
+    pub fn output(mut self) -> Output {
+        let status = self.wait();
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        if let Some(mut pipe) = self.0.stdout.take() {
+            pipe.read_to_end(&mut stdout).unwrap();
+        }
+        if let Some(mut pipe) = self.0.stderr.take() {
+            pipe.read_to_end(&mut stderr).unwrap();
+        }
+        Output { status, stdout, stderr }
+    }
+
+    /// Asserts that it ends by itself, and well.
+    pub fn succeed(self) {
+        let run = self.output();
+        let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        assert_eq!(run.status.code(), Some(0), "{}{}", said(&run.stdout), said(&run.stderr));
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Calls `look` until it finds something.
+pub fn until<T>(mut look: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    while Instant::now() < end {
+        if let Some(found) = look() {
+            return found;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    panic!("nothing came");
+}
+
+/// The daemon's program, of the same build as this one: another package's, so it is made sure of.
+fn clearwayd() -> &'static Path {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    BUILT.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_BIN_EXE_clearway-plant")).parent().unwrap();
+        let release = folder.file_name().is_some_and(|name| name == "release");
+        let built = Command::new(env!("CARGO"))
+            .args(["build", "--quiet", "--package", "clearwayd", "--target-dir"])
+            .arg(folder.parent().unwrap())
+            .args(release.then_some("--release"))
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .status();
+        assert!(built.unwrap().success());
+        folder.join("clearwayd")
+    })
+}
+
+/// `program` in `world`.
+pub fn within(world: &World, program: &Path, arguments: &[&str]) -> Command {
+    std::fs::create_dir_all(&world.channel.root).unwrap();
+    let mut command = Command::new(program);
+    command
+        .args(arguments)
+        .env("CLEARWAY_IOX2_PREFIX", &world.channel.prefix)
+        .env("CLEARWAY_IOX2_ROOT", &world.channel.root)
+        .current_dir(&world.channel.root);
+    command
+}
+
+/// A daemon that listens to observations, unless `arguments` say otherwise.
+pub fn daemon(world: &World, arguments: &[&str]) -> Process {
+    let mut command = within(world, clearwayd(), &["--set", "realtime.policy=off"]);
+    command.args(["--set", "source.kind=observation", "--quiet"]).args(arguments);
+    Process::start(command)
+}
+
+/// A plant that writes its report to `NAME.json` and its trajectory to `NAME.jsonl`.
+pub fn plant(world: &World, name: &str, arguments: &[&str]) -> Process {
+    let program = Path::new(env!("CARGO_BIN_EXE_clearway-plant"));
+    let (report, trajectory) = (format!("{name}.json"), format!("{name}.jsonl"));
+    let mut command = within(world, program, &["--quiet", "--report", &report, "--trajectory", &trajectory]);
+    command.args(arguments);
+    Process::start(command)
+}
+
+/// A file with a configuration, which makes the daemon run until a signal.
+pub fn file(world: &World, name: &str, text: &str) -> String {
+    std::fs::create_dir_all(&world.channel.root).unwrap();
+    let path = world.channel.root.join(name);
+    std::fs::write(&path, text).unwrap();
+    path.to_string_lossy().into_owned()
+}
+
+/// A client of the daemon in `world`, when there is one.
+pub fn client(world: &World) -> Client {
+    until(|| Client::connect_at("default", &world.channel).ok())
+}
+
+/// What a plant wrote at its end.
+pub fn report(world: &World, name: &str) -> serde_json::Value {
+    let path = world.channel.root.join(format!("{name}.json"));
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// What a plant's robots really did so far. A process that was killed may have left half a line.
+pub fn trajectory(world: &World, name: &str) -> Vec<MotionRecord> {
+    let text = std::fs::read_to_string(world.channel.root.join(format!("{name}.jsonl"))).unwrap();
+    let lines: Vec<&str> = text.split_inclusive('\n').filter(|line| line.ends_with('\n')).collect();
+    assert!(!lines.is_empty(), "{name} wrote nothing");
+    lines.into_iter().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Waits until robot `id` of the plant `name` has driven `way_m`.
+pub fn until_driven(world: &World, name: &str, id: u32, way_m: f64) {
+    let path = world.channel.root.join(format!("{name}.jsonl"));
+    until(|| std::fs::read(&path).ok().filter(|bytes| bytes.contains(&b'\n')));
+    let driven_m = || -> f64 {
+        let records = trajectory(world, name);
+        records.iter().filter(|r| r.id == id).map(|r| r.v_mps * r.motion().duration_s()).sum()
+    };
+    until(|| (driven_m() >= way_m).then_some(()));
+}
+
+/// Every command that was sent, as somebody heard it who is not the plant.
+pub struct Listener {
+    commands: Subscriber<RobotCommand>,
+    pub heard: Vec<(CommandHeader, Vec<RobotCommand>)>,
+}
+
+impl Listener {
+    pub fn new(client: &Client) -> Self {
+        Self { commands: until(|| client.commands().ok()), heard: Vec::new() }
+    }
+
+    /// Takes what came since the last time; the newest of all.
+    pub fn listen(&mut self) -> Option<&(CommandHeader, Vec<RobotCommand>)> {
+        while let Some(sample) = self.commands.next().unwrap() {
+            self.heard.push((*sample.header(), sample.robots().to_vec()));
+        }
+        self.heard.last()
+    }
+
+    /// Listens until `found` likes the newest sample.
+    pub fn until(&mut self, found: impl Fn(&CommandHeader, &[RobotCommand]) -> bool) {
+        until(|| self.listen().filter(|(header, robots)| found(header, robots)).map(|_| ()));
+    }
+
+    /// Listens until `process` has ended.
+    pub fn while_running(&mut self, process: &mut Process) {
+        until(|| {
+            self.listen();
+            process.0.try_wait().unwrap()
+        });
+        self.listen();
+    }
+
+    /// Asserts that every robot moved only as a command said, while that command was valid.
+    pub fn assert_obeyed(&self, records: &[MotionRecord]) {
+        for record in records.iter().filter(|r| (r.v_mps, r.omega_radps) != (0.0, 0.0)) {
+            let told = (record.id, record.v_mps, record.omega_radps);
+            let orders = |robots: &[RobotCommand]| {
+                robots.iter().any(|command| told == (command.id, command.v_mps, command.omega_radps))
+            };
+            // One order may follow the other and say the same.
+            let mut allowed_ns = record.from_ns;
+            for (header, _) in self.heard.iter().filter(|(_, robots)| orders(robots)) {
+                if (header.valid_from_ns..header.valid_until_ns).contains(&allowed_ns) {
+                    allowed_ns = header.valid_until_ns;
+                }
+            }
+            assert!(allowed_ns >= record.to_ns, "nobody allowed {record:?} beyond {allowed_ns}");
+        }
+        assert!(records.iter().any(|record| record.v_mps > 0.0), "nobody moved");
+    }
+}
+
+/// Smallest true clearance of the robots of all `records`, m, and how many pairs violated it.
+pub fn clearance(scenario: &Scenario, records: &[MotionRecord]) -> (f64, usize) {
+    let mut clearances = Clearances::new(scenario);
+    clearances.add(&motions(scenario, records));
+    (clearances.min_clearance_m().unwrap(), clearances.violations())
+}
