@@ -53,6 +53,9 @@
 //! | how other processes read along and give orders | [`attach`] |
 //! | robots in a process of their own | [`robots`] |
 
+// For `.ci/realtime-sanitizer` only: what is marked must not allocate, lock or block.
+#![cfg_attr(clearway_rtsan, feature(sanitize))]
+
 // Tests in modules and beside them share their helpers.
 #[cfg(test)]
 extern crate self as clearway;

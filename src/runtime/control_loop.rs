@@ -159,6 +159,14 @@ impl<C: Clock> ControlLoop<C> {
     }
 
     fn period(&mut self, tick: u64, skipped_periods: u64, woken_ns: u64) {
+        let (header, on_time) = self.duty(tick, skipped_periods, woken_ns);
+        self.prepare();
+        self.record(&header, on_time);
+    }
+
+    /// Steps 2 to 4, and what the record says of them: its head, and whether the commands went out.
+    #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
+    fn duty(&mut self, tick: u64, skipped_periods: u64, woken_ns: u64) -> (TelemetryHeader, bool) {
         let release_ns = self.schedule.release_ns(tick);
         self.observe(tick, Instant { epoch: self.epoch, release_ns, now_ns: woken_ns });
         self.publish_states(tick, release_ns, woken_ns);
@@ -171,7 +179,6 @@ impl<C: Clock> ControlLoop<C> {
         let on_time = self.publish_commands(tick, woken_ns);
         let answered_ns = self.clock.now_ns();
 
-        self.prepare();
         let header = TelemetryHeader {
             epoch: self.epoch,
             tick,
@@ -186,7 +193,7 @@ impl<C: Clock> ControlLoop<C> {
             lost_records: self.records.lost(),
             ..TelemetryHeader::default()
         };
-        self.record(&header, on_time);
+        (header, on_time)
     }
 
     /// Returns at the deadline, or when every worker is done if that is what is waited for.
@@ -355,6 +362,7 @@ impl<C: Clock> ControlLoop<C> {
         }
     }
 
+    #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
     fn record(&self, header: &TelemetryHeader, published: bool) {
         let memory = &self.memory;
         self.records.write(|record| {

@@ -94,6 +94,7 @@ impl Worker {
     }
 
     /// One period: from the state in shared memory to the staged commands.
+    #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
     pub(super) fn period<D: Decider>(&mut self, tick: u64, decider: &mut D) {
         // Without the state of this very period there is nothing to stage, and the robots stop.
         let Ok(Some(sample)) = self.states.newest() else { return };
