@@ -42,7 +42,7 @@ mod writer;
 
 pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};
 pub use error::{ChannelError, Owner};
-pub use node::{Attached, Attachment, Census, CleanUp, Transport};
+pub use node::{Attached, Attachment, Census, CleanUp, Member, Transport};
 pub use reader::{Reader, Received};
 pub use record::{Channel, Record};
 pub use writer::Writer;

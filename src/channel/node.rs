@@ -130,6 +130,35 @@ impl Transport {
         Ok(census)
     }
 
+    /// Processes that are attached to this fleet, found as [`Transport::census`] does; ascending by
+    /// process and role.
+    ///
+    /// # Errors
+    /// Those of [`Transport::census`].
+    pub fn members(&self) -> Result<Vec<Member>, ChannelError> {
+        let mut members = Vec::new();
+        Node::<ipc::Service>::list(&self.iceoryx, |node| {
+            if let NodeState::Alive(node) = node
+                && let Some(details) = node.details()
+            {
+                // The name that `attach` gave it.
+                let process = details.process_id().value();
+                let name = details.name().as_str();
+                if let Some(role) = name.strip_suffix(&format!("-{}-{process}", self.fleet)) {
+                    let executable = details.executable().to_string();
+                    members.push(Member { process, executable, role: role.to_owned() });
+                }
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(|e| ChannelError::Attach {
+            root: self.settings.root.to_string_lossy().into_owned(),
+            reason: format!("{e:?}"),
+        })?;
+        members.sort();
+        Ok(members)
+    }
+
     /// What the writer of a channel sets aside for its samples.
     fn bytes<R: Record>(&self, robots: usize) -> usize {
         let sample = sample_bytes::<R>(robots);
@@ -187,6 +216,17 @@ pub struct Census {
     pub dead: u64,
     /// Nodes that cannot be examined: of another user, or damaged.
     pub unclear: u64,
+}
+
+/// A thread's membership in a fleet, of a process that lives.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Member {
+    /// Its process id.
+    pub process: i32,
+    /// File name of its program.
+    pub executable: String,
+    /// What it called itself when it attached.
+    pub role: String,
 }
 
 /// What a clean-up after dead processes did.

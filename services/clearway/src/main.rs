@@ -14,6 +14,7 @@ mod replay;
 mod robust;
 mod scenario;
 mod summary;
+mod top;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -32,6 +33,7 @@ Examples:
   clearway check clearway.toml            is this configuration sound, and what does it say?
   clearway status                         how is the running daemon doing?
   clearway goal 3 1.5 -2                  send robot 3 to (1.5, -2) m
+  clearway top                            watch the fleet: robots, deadlines, slacks
   clearway doctor                         is this machine fit for real time?
   clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
   clearway figures --out figures          the paper's figures, and of your scenarios
@@ -58,6 +60,7 @@ enum Command {
     Record(Box<record::Args>),
     Replay(replay::Args),
     Scenario(scenario::Args),
+    Top(top::Args),
     #[command(flatten)]
     Operate(operate::Order),
 }
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Command::Robust(args) => robust::run(&args),
         Command::Record(args) => return code(record::run(&args)),
         Command::Replay(args) => return code(replay::run(&args)),
+        Command::Top(args) => return code(top::run(&args)),
         Command::Scenario(args) => scenario::run(&args).map(|()| true).map_err(miette::Report::new),
     };
     match done {

@@ -3,6 +3,8 @@
 mod goals;
 mod status;
 
+pub(crate) use status::value as status_value;
+
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 

@@ -2,7 +2,7 @@ use std::fmt::Write;
 
 use clearway::attach::Status;
 use clearway::wire::admin_flags;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// How the daemon is doing, for a person.
 pub(super) fn text(fleet: &str, status: &Status) -> String {
@@ -69,8 +69,13 @@ pub(super) fn text(fleet: &str, status: &Status) -> String {
 
 /// How the daemon is doing, for a script.
 pub(super) fn json(fleet: &str, status: &Status) -> String {
+    format!("{:#}\n", value(fleet, status))
+}
+
+/// The same as a value.
+pub(crate) fn value(fleet: &str, status: &Status) -> Value {
     let f = &status.figures;
-    let value = json!({
+    json!({
         "fleet": fleet,
         "epoch": f.epoch,
         "tick": f.tick,
@@ -109,8 +114,7 @@ pub(super) fn json(fleet: &str, status: &Status) -> String {
             "admin_clients": f.admin_clients,
         },
         "requests": { "done": f.requests_done, "refused": f.requests_refused, "busy": f.requests_busy },
-    });
-    format!("{value:#}\n")
+    })
 }
 
 #[cfg(test)]
