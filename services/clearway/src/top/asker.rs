@@ -21,7 +21,7 @@ const NAP: Duration = Duration::from_millis(20);
 
 enum Answer {
     Status(Result<Status, String>),
-    Law { epoch: u64, law: Law },
+    Law(Law),
 }
 
 /// The thread that asks.
@@ -49,8 +49,8 @@ impl Asker {
         for answer in self.answers.try_iter() {
             match answer {
                 Answer::Status(status) => model.answered(status),
-                Answer::Law { epoch, law } => {
-                    if model.run.as_ref().is_none_or(|run| run.epoch == epoch) {
+                Answer::Law(law) => {
+                    if model.run.as_ref().is_none_or(|run| run.epoch <= law.epoch) {
                         model.law = Some(law);
                     }
                 }
@@ -75,15 +75,14 @@ fn ask_on(fleet: &str, send: &Sender<Answer>, stop: &AtomicBool) {
         let asked = connected(fleet, &mut client).and_then(|admin| {
             let status = admin.status()?;
             let epoch = status.figures.epoch;
-            let law = if known == Some(epoch) { None } else { law(admin)? };
+            let law = if known == Some(epoch) { None } else { law(admin, epoch)? };
             Ok((status, law))
         });
         let answer = match asked {
             Ok((status, law)) => {
-                let epoch = status.figures.epoch;
+                known = Some(status.figures.epoch);
                 if let Some(law) = law {
-                    known = Some(epoch);
-                    let _ = send.send(Answer::Law { epoch, law });
+                    let _ = send.send(Answer::Law(law));
                 }
                 Ok(status)
             }
@@ -122,11 +121,12 @@ fn connect(fleet: &str) -> Result<AdminClient, ChannelError> {
 }
 
 /// What the configuration in force says; `None` when it is that of a later version.
-fn law(admin: &mut AdminClient) -> Result<Option<Law>, AdminError> {
+fn law(admin: &mut AdminClient, epoch: u64) -> Result<Option<Law>, AdminError> {
     let (configuration, scenario) = (admin.configuration()?, admin.scenario()?);
     let parsed = Scenario::parse(&scenario, "scenario")
         .and_then(|scenario| Config::parse_around(&configuration, "configuration", scenario));
     Ok(parsed.ok().map(|config| Law {
+        epoch,
         profile: config.controller.profile.name().to_owned(),
         solver: config.controller.solver.name().to_owned(),
         policy: config.realtime.policy.name().to_owned(),

@@ -117,7 +117,10 @@ fn drain(ports: &mut Ports, model: &mut Model) -> Result<(), ChannelError> {
     each(&mut ports.states, |header, robots| model.state(header, robots))
 }
 
-fn each<R: Record>(reader: &mut Reader<R>, mut take: impl FnMut(&R::Header, &[R])) -> Result<(), ChannelError> {
+fn each<R: Record>(
+    reader: &mut Reader<R>,
+    mut take: impl FnMut(&R::Header, &[R]),
+) -> Result<(), ChannelError> {
     for _ in 0..BURST {
         let Some(sample) = reader.next()? else { break };
         take(sample.header(), sample.robots());

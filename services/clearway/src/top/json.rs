@@ -48,7 +48,8 @@ pub(crate) fn object(model: &Model, now_ns: u64, window_s: f64) -> Value {
 /// What was counted and measured while this monitor watched.
 fn window(run: &Run) -> Value {
     let counters = &run.counters;
-    let times = run.times.each().map(|(what, track)| (what.key().to_owned(), latency(&track.all().summary())));
+    let times =
+        run.times.each().map(|(what, track)| (what.key().to_owned(), latency(&track.all().summary())));
     let mut value = json!({
         "states": run.states.samples,
         "commands": run.commands.samples,
@@ -94,7 +95,7 @@ fn robot(robot: &Robot) -> Value {
         "omega_radps": state.omega_radps,
         "goal_x_m": state.goal_x_m,
         "goal_y_m": state.goal_y_m,
-        "to_goal_m": robot.to_goal_m(),
+        "to_goal_m": robot.goal_away_m(),
         "radius_m": state.radius_m,
     });
     if let (Value::Object(keys), Some(t)) = (&mut value, robot.telemetry) {
@@ -121,7 +122,7 @@ fn robot(robot: &Robot) -> Value {
 
 /// The screen as text, without the blanks at the ends of its lines.
 pub(crate) fn plain(lines: impl Iterator<Item = String>) -> String {
-    let mut text: String = lines.map(|line| format!("{}\n", line.trim_end())).collect();
+    let mut text = lines.map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n");
     let end = text.trim_end().len();
     text.truncate(end);
     text.push('\n');

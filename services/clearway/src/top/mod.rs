@@ -9,10 +9,10 @@ mod feed;
 mod json;
 mod model;
 mod robot;
+mod terminal;
 #[cfg(test)]
 mod tests;
 mod text;
-mod terminal;
 mod times;
 mod view;
 
@@ -102,7 +102,8 @@ const PRINTED: (u16, u16) = (80, 24);
 
 /// Shows the fleet; the exit status.
 pub(crate) fn run(args: &Args) -> miette::Result<u8> {
-    if !args.once && !(std::io::stdout().is_terminal() && std::io::stdin().is_terminal()) {
+    let on_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
+    if !args.once && !on_terminal {
         return Err(miette!(
             help = "print one screen with --once, or one JSON object with --once --json",
             "`clearway top` needs a terminal to draw on"
@@ -143,7 +144,8 @@ fn once(args: &Args, service: String, feed: &mut Feed, model: &mut Model) -> mie
     }
     let asker = Asker::start(&args.fleet).into_diagnostic().wrap_err("no thread can be started")?;
     let (begun, window) = (Instant::now(), Duration::from_secs_f64(args.seconds));
-    let bar = (args.seconds > 2.0 && std::io::stderr().is_terminal()).then(indicatif::ProgressBar::new_spinner);
+    let bar =
+        (args.seconds > 2.0 && std::io::stderr().is_terminal()).then(indicatif::ProgressBar::new_spinner);
     while begun.elapsed() < window {
         feed.poll(model);
         asker.poll(model);
@@ -179,10 +181,17 @@ fn printed(model: &Model, look: Look, now_ns: u64) -> String {
 }
 
 /// The lines of a screen of columns × lines.
-fn screen((width, height): (u16, u16), model: &Model, view: &mut View, look: Look, now_ns: u64) -> Vec<String> {
+fn screen(
+    (width, height): (u16, u16),
+    model: &Model,
+    view: &mut View,
+    look: Look,
+    now_ns: u64,
+) -> Vec<String> {
     // A terminal in memory cannot fail.
     let Ok(mut terminal) = Terminal::new(TestBackend::new(width, height));
     let Ok(drawn) = terminal.draw(|frame| draw::screen(frame, model, view, look, now_ns));
-    let row = |y| (0..width).filter_map(|x| drawn.buffer.cell((x, y))).map(|cell| cell.symbol()).collect();
+    let row =
+        |y| (0..width).filter_map(|x| drawn.buffer.cell((x, y))).map(ratatui::buffer::Cell::symbol).collect();
     (0..height).map(row).collect()
 }

@@ -16,6 +16,8 @@ use super::times::{Measure, Times};
 /// What the configuration in force says.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Law {
+    /// Of which run.
+    pub(crate) epoch: u64,
     pub(crate) profile: String,
     pub(crate) solver: String,
     /// Real-time policy.
@@ -174,7 +176,7 @@ impl Model {
         if self.run.as_ref().is_none_or(|run| run.epoch < epoch) {
             self.run = Some(Run::new(epoch, &self.empty));
             self.status = self.status.take().filter(|status| status.figures.epoch == epoch);
-            self.law = None;
+            self.law = self.law.take().filter(|law| law.epoch == epoch);
         }
         self.run.as_mut().filter(|run| run.epoch == epoch)
     }

@@ -16,7 +16,7 @@ pub(crate) struct Robot {
 
 impl Robot {
     /// Straight line to its goal, m; none for a foreign robot.
-    pub(crate) fn to_goal_m(&self) -> Option<f64> {
+    pub(crate) fn goal_away_m(&self) -> Option<f64> {
         let away = (self.state.position_m() - self.state.goal_m()).norm();
         (!self.is_foreign()).then_some(away)
     }
@@ -63,6 +63,8 @@ impl Robot {
         let flags = self.telemetry.map_or(0, |telemetry| telemetry.flags);
         if let Some(reason) = self.stop_reason() {
             reason
+        } else if self.is_foreign() {
+            "foreign"
         } else if !self.is_seen() {
             "unseen"
         } else if self.has_arrived() {
@@ -140,7 +142,7 @@ impl Sort {
             }
         };
         let solve = |robot: &Robot| robot.telemetry.map_or(0, |telemetry| telemetry.solve_ns);
-        let distance = |robot: &Robot| robot.to_goal_m().unwrap_or(-1.0);
+        let distance = |robot: &Robot| robot.goal_away_m().unwrap_or(-1.0);
         let first = match self {
             Self::Slack => b.slack().total_cmp(&a.slack()),
             Self::Stopped => gravity(b).cmp(&gravity(a)),

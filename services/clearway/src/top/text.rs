@@ -42,6 +42,11 @@ pub(crate) fn number(value: f64, width: usize) -> String {
     fits.unwrap_or_else(|| format!("{value:.0e}"))
 }
 
+/// A number in at most `width` columns, where what is below a thousandth is nothing.
+pub(crate) fn fixed(value: f64, width: usize) -> String {
+    number(if value.abs() < 5e-4 { 0.0 } else { value }, width)
+}
+
 /// A count in at most six columns.
 pub(crate) fn count(n: u64) -> String {
     let short = |size: f64, unit: &str| {

@@ -2,6 +2,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
+use super::header::abridged;
 use super::{Look, fitting};
 use crate::top::model::Model;
 use crate::top::text::columns;
@@ -37,18 +38,18 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, model: &Model, look: Look) {
         area.width,
         [
             Span::styled("attached", look.title()),
-            Span::styled("this monitor among them, the daemon's own not", look.aside()),
+            Span::styled("this monitor among them, the daemon's own not", Look::ASIDE),
         ],
     ));
     for (channel, what, n) in counts(model).into_iter().flatten() {
+        let what = if n == 1 { what.trim_end_matches('s') } else { what };
         lines.push(Line::raw(format!("  {channel:<12}{n:>4} {what}")));
     }
     lines.push(Line::styled("processes", look.title()));
     for (process, executable, roles) in processes(model) {
-        lines.push(fitting(
-            area.width,
-            [Span::raw(format!("  {process:>8}")), Span::raw(executable), Span::styled(roles, look.aside())],
-        ));
+        let who = format!("  {process:>8}  {executable:<12}  ");
+        let roles = abridged(&roles, width.saturating_sub(columns(&who)), look);
+        lines.push(Line::from(vec![Span::raw(who), Span::styled(roles, Look::ASIDE)]));
     }
     if let Some(status) = &model.status {
         let f = &status.figures;
@@ -94,10 +95,12 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, model: &Model, look: Look) {
 fn processes(model: &Model) -> Vec<(i32, String, String)> {
     let mut found: Vec<(i32, String, Vec<String>)> = Vec::new();
     for member in &model.members {
+        // The daemon's threads repeat its name.
+        let role = member.role.strip_prefix(&format!("{}-", member.executable)).unwrap_or(&member.role);
         match found.last_mut().filter(|(process, _, _)| *process == member.process) {
-            Some((_, _, roles)) if roles.contains(&member.role) => {}
-            Some((_, _, roles)) => roles.push(member.role.clone()),
-            None => found.push((member.process, member.executable.clone(), vec![member.role.clone()])),
+            Some((_, _, roles)) if roles.iter().any(|known| known == role) => {}
+            Some((_, _, roles)) => roles.push(role.to_owned()),
+            None => found.push((member.process, member.executable.clone(), vec![role.to_owned()])),
         }
     }
     found.into_iter().map(|(process, executable, roles)| (process, executable, roles.join(", "))).collect()

@@ -3,6 +3,7 @@ use ratatui::text::{Line, Span};
 
 use super::{Look, fitting};
 use crate::top::model::Model;
+use crate::top::robot::Robot;
 use crate::top::text::{count, lasted, time};
 use crate::top::view::{Tab, View};
 
@@ -21,11 +22,9 @@ fn whose(model: &Model, look: Look, width: u16) -> Line<'static> {
         pieces.push(Span::raw(format!("up {}", lasted(status.figures.uptime_ns))));
     }
     if let Some(run) = &model.run {
-        pieces.push(Span::styled(format!("epoch {}", run.epoch), look.aside()));
+        pieces.push(Span::styled(format!("epoch {}", run.epoch), Look::ASIDE));
     }
-    if let Some(law) = &model.law {
-        pieces.push(Span::raw(law.scenario.clone()));
-    }
+    pieces.extend(model.law.as_ref().map(|law| Span::styled(law.scenario.clone(), Look::ASIDE)));
     fitting(width, pieces)
 }
 
@@ -38,28 +37,28 @@ fn state(model: &Model, look: Look, now_ns: u64, width: u16) -> Line<'static> {
         (true, true, None) => word("RUNNING", look.good()),
     }];
     if let Some(run) = &model.run {
-        let having = |flag: fn(&crate::top::robot::Robot) -> bool| run.robots.iter().filter(|r| flag(r)).count();
+        let having = |flag: fn(&Robot) -> bool| run.robots.iter().filter(|r| flag(r)).count();
         pieces.push(Span::raw(format!("{} robots", run.robots.len())));
-        pieces.push(Span::raw(format!("{} arrived", having(|r| r.has_arrived()))));
+        pieces.push(Span::raw(format!("{} arrived", having(Robot::has_arrived))));
         let counted = |n: usize, what: &str, style: Style| {
             Span::styled(format!("{n} {what}"), if n > 0 { style } else { Style::new() })
         };
         pieces.push(counted(having(|r| r.is_stalled() && !r.has_arrived()), "stalled", look.warning()));
         pieces.push(counted(having(|r| !r.is_seen()), "unseen", look.bad()));
-        pieces.push(counted(having(|r| r.is_failing()), "failing", look.bad()));
+        pieces.push(counted(having(Robot::is_failing), "failing", look.bad()));
     }
     if let Some(law) = &model.law {
-        pieces.push(Span::styled(format!("{}/{}", law.profile, law.solver), look.aside()));
+        pieces.push(Span::styled(format!("{}/{}", law.profile, law.solver), Look::ASIDE));
     }
     if let Some(status) = &model.status {
         let (workers, policy) =
             (status.figures.workers, model.law.as_ref().map_or("?", |law| law.policy.as_str()));
         pieces.push(if status.degraded.is_empty() {
-            Span::styled(format!("rt {policy}"), look.aside())
+            Span::styled(format!("rt {policy}"), Look::ASIDE)
         } else {
             Span::styled("DEGRADED", look.warning())
         });
-        pieces.push(Span::styled(format!("{} workers", count(workers.into())), look.aside()));
+        pieces.push(Span::styled(format!("{} workers", count(workers.into())), Look::ASIDE));
     }
     fitting(width, pieces)
 }
@@ -86,10 +85,10 @@ pub(super) fn abridged(text: &str, width: usize, look: Look) -> String {
 }
 
 /// The keys.
-pub(super) fn keys(view: &View, look: Look, width: u16) -> Line<'static> {
+pub(super) fn keys(view: &View, width: u16) -> Line<'static> {
     let tabs = Tab::ALL.into_iter().map(|tab| {
         let open = tab == view.tab && !view.help;
-        Span::styled(tab.title(), if open { look.chosen() } else { Style::new() })
+        Span::styled(tab.title(), if open { Look::CHOSEN } else { Style::new() })
     });
     let list = matches!(view.tab, Tab::Overview | Tab::Robots);
     let more: &[&'static str] = match (list, view.tab) {
@@ -103,7 +102,8 @@ pub(super) fn keys(view: &View, look: Look, width: u16) -> Line<'static> {
         always.collect::<Vec<_>>()
     } else {
         let reserved = 16;
-        let mut pieces = fitting(width - reserved, tabs.chain(more.iter().map(|text| Span::raw(*text)))).spans;
+        let mut pieces =
+            fitting(width - reserved, tabs.chain(more.iter().map(|text| Span::raw(*text)))).spans;
         pieces.retain(|span| span.content.trim() != "");
         pieces.into_iter().chain(always).collect()
     };

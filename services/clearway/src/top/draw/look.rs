@@ -10,6 +10,11 @@ pub(crate) struct Look {
 }
 
 impl Look {
+    /// Less important. Not every terminal shows the difference.
+    pub(crate) const ASIDE: Style = Style::new().add_modifier(Modifier::DIM);
+    /// The marked robot, the open view.
+    pub(crate) const CHOSEN: Style = Style::new().add_modifier(Modifier::REVERSED);
+
     /// What the environment says: NO_COLOR, TERM and the locale.
     pub(crate) fn from_environment() -> Self {
         let set = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
@@ -48,16 +53,6 @@ impl Look {
 
     pub(crate) fn title(self) -> Style {
         self.tinted(Color::Cyan, Modifier::empty()).add_modifier(Modifier::BOLD)
-    }
-
-    /// Less important. Not every terminal shows the difference.
-    pub(crate) fn aside(self) -> Style {
-        Style::new().add_modifier(Modifier::DIM)
-    }
-
-    /// The marked robot, the open view.
-    pub(crate) fn chosen(self) -> Style {
-        Style::new().add_modifier(Modifier::REVERSED)
     }
 
     /// Heights from nothing to full.

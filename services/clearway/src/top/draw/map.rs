@@ -29,9 +29,8 @@ impl Grid {
         let across = spread_x / (width as f64 - 1.0).max(1.0);
         let down = spread_y / (height as f64 - 1.0).max(1.0) / 2.0;
         let cell_m = across.max(down).max(1e-3);
-        let middle = Vec2::new((low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0);
-        let corner_m =
-            Vec2::new(middle.x - cell_m * width as f64 / 2.0, middle.y + cell_m * height as f64);
+        let middle = Vec2::new(f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1]));
+        let corner_m = Vec2::new(middle.x - cell_m * width as f64 / 2.0, middle.y + cell_m * height as f64);
         Self { width, height, corner_m, cell_m }
     }
 
@@ -84,7 +83,7 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View, lo
                 portrait(robot, look)
             };
             let chosen = marked == Some(robot.state.id);
-            (cell.symbol, cell.style) = (symbol, if chosen { style.patch(look.chosen()) } else { style });
+            (cell.symbol, cell.style) = (symbol, if chosen { style.patch(Look::CHOSEN) } else { style });
         }
     }
     let wide = number(grid.cell_m * width as f64, 5);
@@ -98,7 +97,7 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View, lo
         ],
     );
     let rows = cells.into_iter().map(|row| {
-        Line::from_iter(row.into_iter().map(|cell| Span::styled(cell.symbol.to_string(), cell.style)))
+        row.into_iter().map(|cell| Span::styled(cell.symbol.to_string(), cell.style)).collect::<Line>()
     });
     super::lines(frame, area, std::iter::once(title).chain(rows));
 }
@@ -108,7 +107,7 @@ fn mark_obstacle(grid: &Grid, cells: &mut [Vec<Cell>], obstacle: &Obstacle, look
         for (x, cell) in row.iter_mut().enumerate() {
             // At least the cells that it passes through.
             if obstacle.core_distance(grid.middle_m(x, y)) <= obstacle.reach_m().max(grid.cell_m) {
-                *cell = Cell { symbol: look.either('░', '%'), style: look.aside(), robots: 0 };
+                *cell = Cell { symbol: look.either('░', '%'), style: Look::ASIDE, robots: 0 };
             }
         }
     }
@@ -138,7 +137,8 @@ mod tests {
 
     #[test]
     fn corners_of_the_fleet_are_on_the_map() {
-        for (low, high) in [([-5.0, -1.0], [5.0, 2.0]), ([0.0, 0.0], [0.0, 100.0]), ([3.0, 3.0], [3.0, 3.0])] {
+        for (low, high) in [([-5.0, -1.0], [5.0, 2.0]), ([0.0, 0.0], [0.0, 100.0]), ([3.0, 3.0], [3.0, 3.0])]
+        {
             let grid = Grid::around((low, high), 33, 11);
             for (x, y) in [(low[0], low[1]), (high[0], high[1]), (low[0], high[1])] {
                 assert!(grid.cell(Vec2::new(x, y)).is_some(), "{low:?} {high:?}");

@@ -75,7 +75,7 @@ pub(crate) fn screen(frame: &mut Frame, model: &Model, view: &mut View, look: Lo
     let footer = Rect { y: page.left.y + page.left.height, height: footer_height, ..page.left };
     let head = page.take(3);
     lines(frame, head, header::lines(model, look, now_ns, head.width));
-    lines(frame, footer, [header::keys(view, look, footer.width)]);
+    lines(frame, footer, [header::keys(view, footer.width)]);
     let body = page.left;
     if view.help {
         help::draw(frame, body, look);
@@ -99,7 +99,7 @@ fn overview(frame: &mut Frame, body: Rect, model: &Model, view: &mut View, look:
     let below = timing::COMPACT_LINES + u16::try_from(facts.len()).unwrap_or(0);
     let mut page = Page { left: body };
     // The list comes first where there is not enough room for all of it.
-    let upper = page.take(body.height.saturating_sub(below).max(4));
+    let upper = page.take(body.height.saturating_sub(below).max(6));
     let map_width = upper.width.saturating_sub(TABLE_WIDTH + 1);
     let table_width = if map_width < MAP_WIDTH_MIN {
         upper.width

@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use super::{Look, fitting, shown};
 use crate::top::model::Model;
 use crate::top::robot::Robot;
-use crate::top::text::{NOTHING, number, time};
+use crate::top::text::{NOTHING, fixed, number, time};
 use crate::top::view::View;
 
 /// A column of the list.
@@ -27,23 +27,25 @@ fn told(robot: &Robot, width: usize, of: fn(&clearway::wire::RobotTelemetry) -> 
 
 const COLUMNS: [Column; 16] = [
     Column { title: "id", ascii: "id", width: 5, rank: 0, cell: |r, _| r.state.id.to_string() },
-    Column { title: "x m", ascii: "x m", width: 6, rank: 7, cell: |r, _| number(r.state.x_m, 6) },
-    Column { title: "y m", ascii: "y m", width: 6, rank: 8, cell: |r, _| number(r.state.y_m, 6) },
+    Column { title: "x m", ascii: "x m", width: 6, rank: 7, cell: |r, _| fixed(r.state.x_m, 6) },
+    Column { title: "y m", ascii: "y m", width: 6, rank: 8, cell: |r, _| fixed(r.state.y_m, 6) },
     Column {
         title: "θ °",
         ascii: "deg",
         width: 4,
         rank: 9,
-        cell: |r, _| number(wrap(r.state.theta_rad).to_degrees().round(), 4),
+        cell: |r, _| format!("{:.0}", wrap(r.state.theta_rad).to_degrees()),
     },
-    Column { title: "v m/s", ascii: "v m/s", width: 5, rank: 3, cell: |r, _| number(r.state.v_mps, 5) },
-    Column { title: "ω 1/s", ascii: "w 1/s", width: 6, rank: 11, cell: |r, _| number(r.state.omega_radps, 6) },
+    Column { title: "v m/s", ascii: "v m/s", width: 5, rank: 3, cell: |r, _| fixed(r.state.v_mps, 5) },
+    Column {
+        title: "ω 1/s", ascii: "w 1/s", width: 6, rank: 11, cell: |r, _| fixed(r.state.omega_radps, 6)
+    },
     Column {
         title: "goal m",
         ascii: "goal m",
         width: 6,
         rank: 2,
-        cell: |r, _| r.to_goal_m().map_or_else(|| NOTHING.to_owned(), |m| number(m, 6)),
+        cell: |r, _| r.goal_away_m().map_or_else(|| NOTHING.to_owned(), |m| fixed(m, 6)),
     },
     Column {
         title: "V m²",
@@ -59,9 +61,23 @@ const COLUMNS: [Column; 16] = [
         rank: 4,
         cell: |r, _| told(r, 7, |t| t.slack_position_m2),
     },
-    Column { title: "δθ", ascii: "dtheta", width: 7, rank: 5, cell: |r, _| told(r, 7, |t| t.slack_heading) },
-    Column { title: "δr m", ascii: "dr m", width: 7, rank: 13, cell: |r, _| told(r, 7, |t| t.slack_comfort_m) },
-    Column { title: "clear m", ascii: "clear m", width: 7, rank: 12, cell: |r, _| told(r, 7, |t| t.clearance_m) },
+    Column {
+        title: "δθ", ascii: "dtheta", width: 7, rank: 5, cell: |r, _| told(r, 7, |t| t.slack_heading)
+    },
+    Column {
+        title: "δr m",
+        ascii: "dr m",
+        width: 7,
+        rank: 13,
+        cell: |r, _| told(r, 7, |t| t.slack_comfort_m),
+    },
+    Column {
+        title: "clear m",
+        ascii: "clear m",
+        width: 7,
+        rank: 12,
+        cell: |r, _| told(r, 7, |t| t.clearance_m),
+    },
     Column {
         title: "rows",
         ascii: "rows",
@@ -138,9 +154,9 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &mut View
         } else {
             Style::new()
         };
-        let style = if index == view.cursor { style.patch(look.chosen()) } else { style };
+        let style = if index == view.cursor { style.patch(Look::CHOSEN) } else { style };
         Line::styled(cells.join(" "), style)
     });
-    let head = Line::styled(heads.join(" "), look.aside());
+    let head = Line::styled(heads.join(" "), Look::ASIDE);
     super::lines(frame, area, [title, head].into_iter().chain(rows));
 }

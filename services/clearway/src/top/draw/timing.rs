@@ -61,11 +61,11 @@ pub(super) fn compact(frame: &mut Frame, area: Rect, model: &Model, look: Look, 
     let width = usize::from(area.width);
     let chart = width.saturating_sub(ROW + 2);
     let chart = if chart < 16 { 0 } else { chart };
-    let shortened = |text: String| fit_row(text, width);
+    let shortened = |text: String| fit_row(&text, width);
     let head = shortened(row(&format!("last {RECENT_S} s"), heads()));
     let head = Line::from(vec![
         Span::styled(head, look.title()),
-        Span::styled(if chart > 0 { format!("  {}", axis(chart, look)) } else { String::new() }, look.aside()),
+        Span::styled(if chart > 0 { format!("  {}", axis(chart, look)) } else { String::new() }, Look::ASIDE),
     ]);
     let rows = model.run.iter().flat_map(|run| run.times.each().take(COMPACT)).map(|(what, track)| {
         let recent = track.recent(now_ns);
@@ -77,7 +77,7 @@ pub(super) fn compact(frame: &mut Frame, area: Rect, model: &Model, look: Look, 
 }
 
 /// Leaves whole columns out where a row is too long.
-fn fit_row(text: String, width: usize) -> String {
+fn fit_row(text: &str, width: usize) -> String {
     let ends = [ROW, ROW - 7, ROW - 15, ROW - 23, ROW - 31, 16];
     let end = ends.into_iter().find(|end| *end <= width).unwrap_or(0);
     text.chars().take(end).collect()
@@ -99,7 +99,7 @@ pub(super) fn facts(model: &Model, look: Look, width: u16) -> Vec<Line<'static>>
                 counted("skipped", f.skipped_periods, look.bad()),
                 counted("fallbacks", f.fallback_commands, look.bad()),
                 counted("rejected", f.rejected_inputs, look.warning()),
-                counted("lost records", f.lost_records, look.warning()),
+                counted("lost", f.lost_records, look.warning()),
             ],
         ));
     }
@@ -113,8 +113,8 @@ pub(super) fn facts(model: &Model, look: Look, width: u16) -> Vec<Line<'static>>
                 counted("late", c.late, look.bad()),
                 counted("skipped", c.skipped, look.bad()),
                 counted("fallbacks", c.fallbacks, look.bad()),
-                counted("lost records", c.lost_records, look.warning()),
                 counted("not read", c.dropped + run.overwritten(), look.warning()),
+                counted("lost", c.lost_records, look.warning()),
             ],
         ));
         let clearance = model.clearance_m();
@@ -139,11 +139,11 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View, lo
     let width = usize::from(area.width);
     let recent = format!("last {RECENT_S} s");
     for (title, whole) in [("since attached", true), (recent.as_str(), false)] {
-        let head = Line::styled(fit_row(row(title, heads()), width), look.title());
+        let head = Line::styled(fit_row(&row(title, heads()), width), look.title());
         let rows = run.times.each().map(|(what, track)| {
             let summary = if whole { track.all().summary() } else { track.recent(now_ns).summary() };
-            let style = if what == chosen { look.chosen() } else { Style::new() };
-            Line::styled(fit_row(row(what.title(), cells(&summary, look)), width), style)
+            let style = if what == chosen { Look::CHOSEN } else { Style::new() };
+            Line::styled(fit_row(&row(what.title(), cells(&summary, look)), width), style)
         });
         let table: Vec<Line> = std::iter::once(head).chain(rows).collect();
         let needed = u16::try_from(table.len()).unwrap_or(0);
@@ -169,7 +169,7 @@ fn chart(frame: &mut Frame, area: Rect, what: Measure, histogram: &LatencyHistog
         area.width,
         [
             Span::styled(what.title(), look.title()),
-            Span::styled(format!("since attached, most {} in a bar, log scales", count(most)), look.aside()),
+            Span::styled(format!("since attached, most {} in a bar, log scales", count(most)), Look::ASIDE),
         ],
     );
     let body = (0..rows).rev().map(|row| {
@@ -179,6 +179,6 @@ fn chart(frame: &mut Frame, area: Rect, what: Measure, histogram: &LatencyHistog
             .collect();
         Line::styled(line, look.mark())
     });
-    let axis = Line::styled(axis(width, look), look.aside());
+    let axis = Line::styled(axis(width, look), Look::ASIDE);
     super::lines(frame, area, std::iter::once(title).chain(body).chain([axis]));
 }
