@@ -105,7 +105,7 @@ fn overview(frame: &mut Frame, body: Rect, model: &Model, view: &mut View, look:
         upper.width
     } else {
         // Twice as many columns as rows make a square.
-        let map_width = map_width.min(upper.height.saturating_mul(3));
+        let map_width = map_width.min(upper.height.saturating_mul(3)).min(upper.width / 2);
         map::draw(frame, part(upper, 0, map_width), model, view, look);
         upper.width - map_width - 1
     };
