@@ -47,6 +47,11 @@ macro_rules! flags {
 }
 
 fn records() -> String {
+    format!("{},\n{}", published(), received())
+}
+
+/// What the daemon publishes for everybody.
+fn published() -> String {
     let mut text = String::new();
     record!(text, StateHeader { epoch, tick, stamp_ns, release_ns, period_ns });
     text += ",\n";
@@ -135,7 +140,12 @@ fn records() -> String {
             kkt_residual,
         }
     );
-    text += ",\n";
+    text
+}
+
+/// What it receives and answers, and what it keeps.
+fn received() -> String {
+    let mut text = String::new();
     record!(text, ObservationHeader { epoch, sequence, stamp_ns });
     text += ",\n";
     record!(text, RobotObservation { id, reserved, x_m, y_m, theta_rad });
