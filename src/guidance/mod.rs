@@ -29,6 +29,7 @@ mod progress;
 mod queue;
 mod roundabout;
 mod route;
+mod scene;
 mod types;
 
 pub use crate::config::GuidanceParams as Params;

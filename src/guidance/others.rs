@@ -1,7 +1,7 @@
 //! The predicted positions of a robot's neighbours side by side, so that all of them are looked at in one go.
 //!
-//! Few neighbours matter in any one step of a candidate. [`Others`] tells which, for all at once and a little too many
-//! rather than too few; what they cost is then worked out one by one.
+//! Few neighbours matter in any one step of a candidate. [`Others`] tells which, for all candidates at once, and some too
+//! many rather than one too few; what they cost is then worked out for each.
 
 #![expect(clippy::inline_always, reason = "compiled for the caller's registers only as a part of it")]
 
@@ -27,14 +27,15 @@ pub(super) struct Others {
     pub(super) required_m: Lanes,
     /// Within this beyond it closeness costs, m.
     pub(super) margin_m: Lanes,
-    slow_m2: Lanes,
+    /// Nearer than the root of this it slows others down, m².
+    pub(super) slow_m2: Lanes,
     close_m2: Lanes,
     count: usize,
 }
 
-/// Neighbours as the bits of a number, the first the lowest.
+/// Lanes as the bits of a number, the first the lowest.
 #[derive(Debug)]
-pub(super) struct Which(u32);
+pub(super) struct Which(pub(super) u32);
 
 impl Iterator for Which {
     type Item = usize;
@@ -44,6 +45,25 @@ impl Iterator for Which {
         self.0 &= self.0.wrapping_sub(1);
         (first < u32::BITS).then_some(first as usize)
     }
+}
+
+/// An upright rectangle, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Area {
+    pub(super) min: Vec2,
+    pub(super) max: Vec2,
+}
+
+/// The smaller one, as one instruction; of finite numbers what `f64::min` gives.
+#[inline(always)]
+pub(super) fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The larger one, as one instruction.
+#[inline(always)]
+pub(super) fn most(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 impl Others {
@@ -78,39 +98,34 @@ impl Others {
         Vec2::new(self.x_m[k][lane], self.y_m[k][lane])
     }
 
-    /// Those that slow a robot at `p` when step `k` begins: to the bit those within their distance.
+    /// Those that may slow a robot in `area` when step `k` begins: all that do, and some that do not.
     #[inline(always)]
-    pub(super) fn slowing(&self, p: Vec2, k: usize) -> Which {
+    pub(super) fn slowing(&self, area: &Area, k: usize) -> Which {
         let (x, y) = (&self.x_m[k], &self.y_m[k]);
         let mut which = 0;
         for lane in 0..NEIGHBOURS_MAX {
-            let (dx, dy) = (p.x - x[lane], p.y - y[lane]);
+            // Rounding keeps the order of numbers, so nobody in the area is nearer than its nearest point.
+            let dx = most(most(area.min.x - x[lane], x[lane] - area.max.x), 0.0);
+            let dy = most(most(area.min.y - y[lane], y[lane] - area.max.y), 0.0);
             which |= u32::from(dx * dx + dy * dy <= self.slow_m2[lane]) << lane;
         }
         Which(which)
     }
 
-    /// Those that may come close to a robot that goes from `p` to `next` in step `k`: all that do, and sometimes one
-    /// that does not by a hair.
+    /// Those that may come close to a robot that goes from somewhere in `from` to somewhere in `to` in step `k`: all
+    /// that do, and some that do not.
     #[inline(always)]
-    #[expect(clippy::needless_bitwise_bool, reason = "a branch would be taken lane by lane")]
-    pub(super) fn passing(&self, p: Vec2, next: Vec2, k: usize) -> Which {
+    pub(super) fn passing(&self, from: &Area, to: &Area, k: usize) -> Which {
         let (x0, y0, x1, y1) = (&self.x_m[k], &self.y_m[k], &self.x_m[k + 1], &self.y_m[k + 1]);
         let mut which = 0;
         for lane in 0..NEIGHBOURS_MAX {
-            let (from_x, from_y) = (p.x - x0[lane], p.y - y0[lane]);
-            let (to_x, to_y) = (next.x - x1[lane], next.y - y1[lane]);
-            let (change_x, change_y) = (to_x - from_x, to_y - from_y);
-            let from_m2 = from_x * from_x + from_y * from_y;
-            let to_m2 = to_x * to_x + to_y * to_y;
-            let change_m2 = change_x * change_x + change_y * change_y;
-            let along = -(from_x * change_x + from_y * change_y);
-            let across = from_x * change_y - from_y * change_x;
-            let reach_m2 = self.close_m2[lane];
-            // At one of the ends, or where the straight line between them passes.
-            let ends = (from_m2 < reach_m2) | (to_m2 < reach_m2);
-            let between = (along > 0.0) & (along < change_m2) & (across * across < reach_m2 * change_m2);
-            which |= u32::from(ends | between) << lane;
+            // Seen from the neighbour, the way lies in the rectangle around both of its ends.
+            let min_x = least(from.min.x - x0[lane], to.min.x - x1[lane]);
+            let max_x = most(from.max.x - x0[lane], to.max.x - x1[lane]);
+            let min_y = least(from.min.y - y0[lane], to.min.y - y1[lane]);
+            let max_y = most(from.max.y - y0[lane], to.max.y - y1[lane]);
+            let (dx, dy) = (most(most(min_x, -max_x), 0.0), most(most(min_y, -max_y), 0.0));
+            which |= u32::from(dx * dx + dy * dy < self.close_m2[lane]) << lane;
         }
         Which(which)
     }
@@ -127,6 +142,7 @@ mod tests {
         fn all_who_matter_are_named(
             starts in prop::collection::vec((-3.0..3.0f64, -3.0..3.0f64, -1.0..1.0f64, -1.0..1.0f64), 0..=16),
             x in -2.0..2.0f64, y in -2.0..2.0f64, dx in -0.8..0.8f64, dy in -0.8..0.8f64, k in 0..STEPS,
+            width in 0.0..1.0f64,
         ) {
             let (required_m, margin_m, slow_m) = (0.45, 0.388, 0.87);
             let mut others = Others::none();
@@ -139,10 +155,16 @@ mod tests {
             }
             let (p, next) = (Vec2::new(x, y), Vec2::new(x + dx, y + dy));
             let before = |(start, path): &(Vec2, Path)| if k == 0 { *start } else { path[k - 1] };
-            let slowing: Vec<usize> = others.slowing(p, k).collect();
+            // An area around each end, with the end in one of its corners.
+            let area = |p: Vec2| Area { min: p, max: p + Vec2::new(width, width) };
+            let slowing: Vec<usize> = others.slowing(&area(p), k).collect();
             let near = |lane: &usize| (p - before(&paths[*lane])).norm_squared() <= slow_m * slow_m;
-            prop_assert_eq!(slowing, (0..paths.len()).filter(near).collect::<Vec<_>>());
-            let passing: Vec<usize> = others.passing(p, next, k).collect();
+            let all_slowing = (0..paths.len()).filter(near).collect::<Vec<_>>();
+            prop_assert!(slowing.is_sorted() && all_slowing.iter().all(|lane| slowing.contains(lane)));
+            // In a single point nobody is named without reason.
+            let point = Area { min: p, max: p };
+            prop_assert_eq!(others.slowing(&point, k).collect::<Vec<_>>(), all_slowing);
+            let passing: Vec<usize> = others.passing(&area(p), &area(next), k).collect();
             prop_assert!(passing.is_sorted() && passing.iter().all(|lane| *lane < paths.len()));
             for (lane, path) in paths.iter().enumerate() {
                 let (from, to) = (p - before(path), next - path.1[k]);

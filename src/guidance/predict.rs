@@ -56,8 +56,8 @@ pub(super) fn align(cos: f64, params: &Params) -> f64 {
 /// The largest turn in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turn {
-    cos: f64,
-    sin: f64,
+    pub(super) cos: f64,
+    pub(super) sin: f64,
 }
 
 impl Turn {
