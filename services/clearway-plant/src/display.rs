@@ -45,16 +45,13 @@ impl Display {
 
     /// How it is going.
     pub(crate) fn update(&mut self, text: String) {
-        match &self.bar {
-            Some(bar) => {
-                self.due = Instant::now() + LOOK_EVERY;
-                bar.set_message(text);
-                bar.tick();
-            }
-            None => {
-                self.due = Instant::now() + LINE_EVERY;
-                eprintln!("{text}");
-            }
+        if let Some(bar) = &self.bar {
+            self.due = Instant::now() + LOOK_EVERY;
+            bar.set_message(text);
+            bar.tick();
+        } else {
+            self.due = Instant::now() + LINE_EVERY;
+            eprintln!("{text}");
         }
     }
 
