@@ -7,6 +7,8 @@
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 #![expect(clippy::too_many_arguments, reason = "what a rule reads")]
+#![expect(clippy::needless_range_loop, reason = "a lane indexes several arrays")]
+#![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::Params;
 use super::others::{Area, Others, Which, least, most};
