@@ -22,7 +22,7 @@ use std::process::ExitCode;
 
 /// Operate, evaluate and check Clearway fleets.
 #[derive(Debug, Parser)]
-#[command(name = "clearway", version, after_help = EXAMPLES)]
+#[command(name = "clearway", version, after_help = EXAMPLES, max_term_width = 80)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -30,24 +30,24 @@ struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  clearway check clearway.toml            is this configuration sound, and what does it say?
-  clearway status                         how is the running daemon doing?
-  clearway goal 3 1.5 -2                  send robot 3 to (1.5, -2) m
-  clearway top                            watch the fleet: robots, deadlines, slacks
-  clearway doctor                         is this machine fit for real time?
-  clearway eval swap8 circle-10           does everybody arrive, how fast, how close?
-  clearway figures --out figures          the paper's figures, and of your scenarios
-  clearway bench solve                    how fast are the solvers here?
-  clearway bench latency                  how late, how long, on this machine?
-  clearway bench soak --ticks 1000000     does anything grow or wear out?
-  clearway bench wakeup                   how fast do threads wake each other here?
-  clearway robust                         do disturbed robots keep their distances?
-  clearway record run.mcap                record a fleet, for Foxglove and for replay
-  clearway replay run.mcap                compute every recorded command again
-  clearway scenario circle-10 > mine.toml start a scenario of your own from a built-in one
+  clearway check clearway.toml           is this configuration sound?
+  clearway status                        how is the running daemon doing?
+  clearway goal 3 1.5 -2                 send robot 3 to (1.5, -2) m
+  clearway top                           watch robots, deadlines and slacks
+  clearway doctor                        is this machine fit for real time?
+  clearway eval swap8 circle-10          who arrives, how fast, how close?
+  clearway figures --out figures         the paper's figures and ours
+  clearway bench solve                   how fast are the solvers here?
+  clearway bench latency                 how late, how long, on this machine?
+  clearway bench soak --ticks 1000000    does anything grow or wear out?
+  clearway bench wakeup                  how fast do threads wake each other?
+  clearway robust                        do disturbed robots keep apart?
+  clearway record run.mcap               for Foxglove and for replay
+  clearway replay run.mcap               compute every command again
+  clearway scenario circle-10 > my.toml  start a scenario of your own
 
-Exit codes: 0 done, 1 a run did not pass or a daemon refused, 2 the command line or a
-file is wrong, 3 no daemon runs for the fleet, or it does not answer.";
+Exit codes: 0 done, 1 a run did not pass or a daemon refused, 2 the command line
+or a file is wrong, 3 no daemon runs for the fleet, or it does not answer.";
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -6,7 +6,7 @@ use clearway::scenario::Scenario;
 #[command(after_help = "\
 Examples:
   clearway scenario                       list the families
-  clearway scenario circle-10 > mine.toml a file to edit, and to run with --scenario mine.toml
+  clearway scenario circle-10 > mine.toml a file to edit and run
 
 Exit codes: 0 done, 2 there is no such scenario.")]
 pub(crate) struct Args {

@@ -91,6 +91,10 @@ fn wrong_arguments_name_the_remedy() {
         assert_eq!(output.status.code(), Some(2), "{shown}");
         assert!(shown.contains(words), "{words}: {shown}");
     }
+    let output = clearway(&["bench", "scale", "--robots", "0"]);
+    let shown = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{shown}");
+    assert!(shown.contains("from 1 to 100000"), "{shown}");
 }
 
 #[test]

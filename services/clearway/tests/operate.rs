@@ -111,6 +111,6 @@ fn without_a_daemon_every_order_says_so_and_exits_3() {
     for order in ["status", "goal", "goals", "pause", "resume", "stop", "clear", "add", "remove", "config"] {
         let help = done(&world, &[order, "--help"]);
         assert!(help.contains("Examples:") && help.contains("Exit codes:"), "{order}: {help}");
-        assert!(help.lines().all(|line| line.chars().count() <= 100), "{order}: {help}");
+        assert!(help.lines().all(|line| line.chars().count() <= 80), "{order}: {help}");
     }
 }

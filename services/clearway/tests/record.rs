@@ -383,4 +383,5 @@ fn wrong_files_and_arguments_are_named() {
         assert!(!said.contains("panicked"), "{said}");
     }
     assert_eq!(std::fs::read(&text).unwrap().len(), 38, "what was there is untouched");
+    assert!(!file(&world, "new.mcap").exists(), "an empty recording would stand in the way of the next try");
 }

@@ -10,31 +10,32 @@ use miette::{IntoDiagnostic, WrapErr};
 
 const EXAMPLES: &str = "\
 Examples:
-  clearwayd                                     the eight robots of the paper swap places
+  clearwayd                                  the paper's eight robots swap places
   clearwayd --scenario circle-20 --workers 4
   clearwayd --scenario my.toml --report out.json --period-us 20000
-  clearwayd --config fleet.toml                 a fleet of your own, until Ctrl-C or SIGTERM
+  clearwayd --config fleet.toml              a fleet of your own, until Ctrl-C
   clearwayd --config fleet.toml --set realtime.policy=require
 
 Exit status:
-  0  every robot arrived and no clearance was violated; or ended by a signal, none violated
-  1  a robot did not arrive, a clearance was violated, or records of the run were lost
+  0  every robot arrived and no clearance was violated; or ended by a signal,
+     none violated
+  1  a robot did not arrive, a clearance was violated, or records were lost
   2  the command line, the configuration or the scenario is wrong
   3  the fleet belongs to another process
   4  real-time operation is required and was refused
   5  anything else: shared memory, threads, files
 
 Environment:
-  CLEARWAY_IOX2_PREFIX, CLEARWAY_IOX2_ROOT  where the channels live, in place of channel.prefix
-                                            and channel.root
-  RUST_LOG                                  what is logged, for instance RUST_LOG=debug";
+  CLEARWAY_IOX2_PREFIX, CLEARWAY_IOX2_ROOT
+            where the channels live, in place of channel.prefix and channel.root
+  RUST_LOG  what is logged, for instance RUST_LOG=debug";
 
 /// Controls a fleet of wheeled robots in real time over shared memory.
 ///
 /// Without arguments it runs the built-in scenario swap8 with an embedded plant, shows how it goes
 /// and prints a report.
 #[derive(Debug, Parser)]
-#[command(name = "clearwayd", version, after_help = EXAMPLES)]
+#[command(name = "clearwayd", version, after_help = EXAMPLES, max_term_width = 80)]
 pub(crate) struct Arguments {
     /// Configuration file (TOML); the daemon then runs until SIGINT or SIGTERM
     #[arg(long, value_name = "FILE")]

@@ -30,7 +30,7 @@ use finding::{Finding, Status};
 #[command(after_help = "\
 Examples:
   clearway doctor
-  clearway doctor --config fleet.toml     also holds priorities, CPUs and room against the machine
+  clearway doctor --config fleet.toml     its priorities, CPUs and memory, too
   clearway doctor --json | jq '.findings[] | select(.status != \"ok\")'
 
 Exit codes: 0 nothing prevents real time (there may be warnings), 1 something does, 2 something

@@ -32,9 +32,9 @@ use trajectory::{Ordered, Trajectory};
 #[command(after_help = "\
 Examples:
   clearway eval swap8 swap8-zero circle-50
-  clearway eval suite --jsonl suite.jsonl        every family, several sizes, many seeds
+  clearway eval suite --jsonl suite.jsonl        all families, sizes and seeds
   clearway eval my-scenarios/ --profile exp      every .toml file of a folder
-  clearway eval swap8 --trajectories swap8.jsonl poses and inputs of every period
+  clearway eval swap8 --trajectories swap8.jsonl all poses and inputs
   clearway eval swap8 --set controller.gamma=0.5 --timing ideal
   clearway eval swap8 --profile paper --plant euler --timing ideal
   clearway eval swap8 circle-20 --sweep controller.gamma=0.2..1.0:9

@@ -4,14 +4,21 @@ use clearway::scenario::Scenario;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::path::Path;
 
+/// Seeds that one range may name.
+const SEEDS_MAX: u64 = 100_000;
+
 /// Names as they are, folders as their scenario files in order of name, `suite` as its members.
 pub(super) fn expand(names: &[String]) -> Result<Vec<String>> {
     let mut all = Vec::new();
     for name in names {
         if name == "suite" {
             all.extend(Scenario::suite());
-        } else if let Some(members) = seeds(name) {
-            all.extend(members);
+        } else if let Some((stem, first, last)) = seeds(name) {
+            if first > last || last - first >= SEEDS_MAX {
+                let help = format!("write {stem}-A..B with A at most B, up to {SEEDS_MAX} seeds");
+                return Err(miette!(help = help, "{name} is no range of seeds"));
+            }
+            all.extend((first..=last).map(|seed| format!("{stem}-{seed}")));
         } else if Path::new(name).is_dir() {
             all.extend(files(name)?);
         } else {
@@ -21,13 +28,11 @@ pub(super) fn expand(names: &[String]) -> Result<Vec<String>> {
     Ok(all)
 }
 
-/// The members of `random-20-0..49`, both ends included.
-fn seeds(name: &str) -> Option<Vec<String>> {
+/// Stem, first and last seed of `random-20-0..49`; both ends are meant.
+fn seeds(name: &str) -> Option<(&str, u64, u64)> {
     let (first, last) = name.split_once("..")?;
     let (stem, first) = first.rsplit_once('-')?;
-    let (first, last): (u64, u64) = (first.parse().ok()?, last.parse().ok()?);
-    (first <= last && last - first < 100_000)
-        .then(|| (first..=last).map(|seed| format!("{stem}-{seed}")).collect())
+    Some((stem, first.parse().ok()?, last.parse().ok()?))
 }
 
 /// The scenario files of a folder.
@@ -64,8 +69,12 @@ mod tests {
         assert_eq!(names("random-8-3..5"), ["random-8-3", "random-8-4", "random-8-5"]);
         assert_eq!(names("swap8-heading-7..7"), ["swap8-heading-7"]);
         // What is no range is a name, and has to be one.
-        for name in ["swap8", "../mine.toml", "random-8-5..3", "circle-2..x"] {
+        for name in ["swap8", "../mine.toml", "circle-2..x"] {
             assert_eq!(names(name), [name]);
+        }
+        for name in ["random-8-5..3", "random-8-0..100000"] {
+            let error = expand(&[name.to_owned()]).unwrap_err();
+            assert!(error.to_string().contains(name) && error.help().is_some(), "{error:?}");
         }
     }
 }

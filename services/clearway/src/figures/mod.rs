@@ -26,8 +26,9 @@ use std::path::{Path, PathBuf};
 Examples:
   clearway figures --out figures
   clearway figures --out figures --data                 CSV beside each figure
-  clearway figures --out mine --scenario mine.toml      the same figures of your own scenario
-  clearway figures --out paper --timing ideal --plant euler   as the paper simulated
+  clearway figures --out mine --scenario mine.toml      of your own scenario
+  clearway figures --out paper --timing ideal --plant euler
+                                                        as the paper simulated
 
 Exit codes: 0 done, 2 the command line or a file is wrong.")]
 pub(crate) struct Args {

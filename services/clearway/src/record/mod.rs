@@ -20,7 +20,7 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  clearway record run.mcap                    start before the daemon, or beside it
+  clearway record run.mcap                    before the daemon, or beside it
   clearway record run.mcap --once             end when the daemon's run ends
   clearway record run.mcap --wait forever     as a service
   clearway record /data/fleet.mcap --max-size 1GiB --rotate-every 1h --keep 48
@@ -215,6 +215,10 @@ pub(crate) fn run(args: &Args) -> miette::Result<u8> {
     }
     display.finish();
     if let Err(error) = outcome {
+        if matches!(error, RecordError::NoDaemon { .. }) {
+            // Nothing is in it, and the next try would find its name taken.
+            let _ = std::fs::remove_file(&args.out);
+        }
         return failure(error);
     }
     tell(args, &status)?;

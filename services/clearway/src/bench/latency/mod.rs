@@ -52,7 +52,7 @@ const TRANSFERS: u64 = 20_000;
 #[command(after_help = "\
 Examples:
   clearway bench latency
-  clearway bench latency --period-us 500 --cpu 1 --json latency.json --svg latency.svg
+  clearway bench latency --period-us 500 --cpu 1 --json out.json --svg out.svg
   clearway bench latency --samples 60000 --load idle --against cyclictest
 
 Exit codes: 0 measured in real time, 1 measured, but something was refused and the figures are best

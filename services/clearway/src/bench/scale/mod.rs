@@ -52,7 +52,10 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     if let Some(robots) = args.robots.iter().find(|n| !(1..=ROBOTS_MAX).contains(*n)) {
-        return Err(miette!(help = "name numbers from 1 to {ROBOTS_MAX}", "a fleet of {robots} robots"));
+        return Err(miette!(
+            help = format!("name numbers from 1 to {ROBOTS_MAX}"),
+            "a fleet of {robots} robots"
+        ));
     }
     let mut cases = Vec::new();
     for robots in &args.robots {

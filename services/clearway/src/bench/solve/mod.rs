@@ -50,7 +50,7 @@ const SCENARIOS: &[&str] = &[
 Examples:
   clearway bench solve
   clearway bench solve --neighbours 7 --samples 20000 --json solve.json
-  clearway bench solve --export problems.json     the problems, for benches/peers
+  clearway bench solve --export problems.json    the problems, for benches/peers
 
 Exit codes: 0 measured, 2 the command line or a file is wrong.")]
 pub(crate) struct Args {
