@@ -4,7 +4,7 @@
 //! of the wall clock have no effect. Neither clock allocates. Reading the real one costs about
 //! 25 ns.
 
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroU64};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use rustix::thread::{clock_nanosleep_absolute, futex};
@@ -68,6 +68,48 @@ impl Clock for MonotonicClock {
     }
 }
 
+/// [`MonotonicClock`] with longer seconds: time passes `slowdown` times slower.
+///
+/// For measuring work that does not fit into its period, with the period's length as it is in everything
+/// that is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SlowedClock {
+    slowdown: NonZeroU64,
+}
+
+impl SlowedClock {
+    /// A clock on which `slowdown` seconds are one.
+    pub fn new(slowdown: NonZeroU64) -> Self {
+        Self { slowdown }
+    }
+
+    /// The time of the machine's clock, ns; the end of time when it is beyond.
+    fn real_ns(self, ns: u64) -> u64 {
+        ns.saturating_mul(self.slowdown.get())
+    }
+}
+
+impl Default for SlowedClock {
+    /// Not slowed at all.
+    fn default() -> Self {
+        Self::new(NonZeroU64::MIN)
+    }
+}
+
+impl Clock for SlowedClock {
+    fn now_ns(&self) -> u64 {
+        MonotonicClock.now_ns() / self.slowdown
+    }
+
+    fn sleep_until(&self, wake_ns: u64) {
+        MonotonicClock.sleep_until(self.real_ns(wake_ns));
+    }
+
+    fn wait(&self, word: &AtomicU32, value: u32, wake_ns: u64) {
+        MonotonicClock.wait(word, value, self.real_ns(wake_ns));
+    }
+}
+
 /// A clock that moves only when told to: a sleep jumps to its end.
 #[derive(Debug, Default)]
 pub struct VirtualClock {
@@ -121,6 +163,18 @@ mod tests {
         }
         // A time that has passed.
         clock.sleep_until(1);
+    }
+
+    #[test]
+    fn a_slowed_clock_sleeps_longer_and_never_wakes_early() {
+        let slow = SlowedClock::new(NonZeroU64::new(4).unwrap());
+        let (begun_ns, wake_ns) = (MonotonicClock.now_ns(), slow.now_ns() + 500_000);
+        slow.sleep_until(wake_ns);
+        assert!(slow.now_ns() >= wake_ns);
+        // Four times as much has passed, less what was rounded off before.
+        assert!(MonotonicClock.now_ns() >= begun_ns + 4 * 499_999);
+        slow.wait(&AtomicU32::new(0), 0, wake_ns);
+        assert_eq!(slow.real_ns(u64::MAX), u64::MAX);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::progress::Progress;
 use super::threads::{Common, record_capacity};
 use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, Transport, Writer};
-use crate::clock::Clock;
+use crate::clock::{Clock, SlowedClock};
 use crate::config::{Config, PublishAt, SourceKind, Wakeup};
 use crate::controller::{ControllerError, RobotGroup};
 use crate::model::{Command, RobotSpec};
@@ -79,6 +79,7 @@ impl Accelerated {
             board: Arc::clone(&board),
             desk: Arc::new(Desk::new(4)),
             epoch: 1,
+            clock: SlowedClock::default(),
             source: None,
         };
         let node = common.transport.attach("clearwayd")?;
@@ -106,6 +107,7 @@ impl Accelerated {
                 owned: 0..robots,
                 robots,
                 epoch: common.epoch,
+                clock: common.clock,
                 states: node.reader()?,
                 board: Arc::clone(&board),
                 records: solves,

@@ -1,3 +1,4 @@
+use std::num::NonZeroU64;
 use std::ops::Range;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,7 +18,7 @@ use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
 use super::threads::{Common, MakeSource, loop_thread, record_capacity, worker_thread};
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
-use crate::clock::{Clock, MonotonicClock};
+use crate::clock::{Clock, MonotonicClock, SlowedClock};
 use crate::config::{Config, SolverKind};
 use crate::controller::{ControllerError, RobotGroup, RouteShelf, rows_max};
 use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
@@ -67,7 +68,7 @@ impl Daemon {
     /// # Errors
     /// Those of [`Daemon::start_with`].
     pub fn start(config: Config, until: Until) -> Result<Self, DaemonError> {
-        Self::start_controlled(config, until, None)
+        Self::start_controlled(config, until, None, SlowedClock::default())
     }
 
     /// Starts the fleet of `config` with states from a source that `make` builds, in the loop's thread,
@@ -79,13 +80,32 @@ impl Daemon {
     where
         F: Fn(&Config, u64) -> Box<dyn StateSource> + Send + Sync + 'static,
     {
-        Self::start_controlled(config, until, Some(Arc::new(make)))
+        Self::start_controlled(config, until, Some(Arc::new(make)), SlowedClock::default())
+    }
+
+    /// [`start_from`](Self::start_from) with time passing `slowdown` times slower, for the loop, the
+    /// workers and every stamp: what a period takes beyond its end can then be measured. Operators'
+    /// requests do not expire as they should.
+    ///
+    /// # Errors
+    /// Those of [`Daemon::start_with`].
+    pub fn start_slowed<F>(
+        config: Config,
+        until: Until,
+        slowdown: NonZeroU64,
+        make: F,
+    ) -> Result<Self, DaemonError>
+    where
+        F: Fn(&Config, u64) -> Box<dyn StateSource> + Send + Sync + 'static,
+    {
+        Self::start_controlled(config, until, Some(Arc::new(make)), SlowedClock::new(slowdown))
     }
 
     fn start_controlled(
         config: Config,
         until: Until,
         source: Option<MakeSource>,
+        clock: SlowedClock,
     ) -> Result<Self, DaemonError> {
         let for_workers = config.clone();
         let (recorder, auditor) = match shadow_audit(&config)? {
@@ -94,7 +114,7 @@ impl Daemon {
         };
         let shelf = Arc::new(RouteShelf::new(config.places()));
         let routes = Arc::clone(&shelf);
-        Self::start_audited(config, until, source, auditor, shelf, move |owned| {
+        Self::start_audited(config, until, (source, clock), auditor, shelf, move |owned| {
             let group = RobotGroup::new(&for_workers, owned)?.with_routes(Arc::clone(&routes));
             Ok::<_, ControllerError>(match &recorder {
                 Some(recorder) => group.audited_by(recorder.clone()),
@@ -116,13 +136,13 @@ impl Daemon {
         F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
     {
         let shelf = Arc::new(RouteShelf::new(config.places()));
-        Self::start_audited(config, until, None, None, shelf, make)
+        Self::start_audited(config, until, (None, SlowedClock::default()), None, shelf, make)
     }
 
     fn start_audited<D, E, F>(
         config: Config,
         until: Until,
-        source: Option<MakeSource>,
+        (source, clock): (Option<MakeSource>, SlowedClock),
         auditor: Option<Auditor<ClarabelSolver>>,
         shelf: Arc<RouteShelf>,
         make: F,
@@ -155,6 +175,7 @@ impl Daemon {
             // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
             // unlike the wall clock it cannot be set back.
             epoch: MonotonicClock.now_ns(),
+            clock,
             source,
         };
         let mut daemon = Self {

@@ -12,7 +12,7 @@ use super::desk::Desk;
 use super::threads::Common;
 use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
-use crate::clock::Clock;
+use crate::clock::{Clock, SlowedClock};
 use crate::config::{Config, PublishAt, Wakeup};
 use crate::controller::{Decision, RobotGroup, Timing};
 use crate::plant::Plant;
@@ -126,6 +126,7 @@ impl Rig {
             board: Arc::clone(&board),
             desk: Arc::new(Desk::new(4)),
             epoch: 7,
+            clock: SlowedClock::default(),
         };
         let state = LockstepState { now_ns, schedule, board: Arc::clone(&board), ready };
         let clock = Lockstep(Arc::new(state));
@@ -142,6 +143,7 @@ impl Rig {
                         due_ns: 0,
                         robots,
                         epoch: 7,
+                        clock: SlowedClock::default(),
                         states: transport.attach("worker").unwrap().reader().unwrap(),
                         board,
                         records: Arc::new(Pool::new(4, || {

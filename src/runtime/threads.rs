@@ -10,7 +10,7 @@ use super::desk::Desk;
 use super::error::DaemonError;
 use super::worker::Worker;
 use crate::channel::Transport;
-use crate::clock::{Clock, MonotonicClock};
+use crate::clock::{Clock, SlowedClock};
 use crate::config::{Config, SourceKind};
 use crate::plant::Plant;
 use crate::realtime::{Role, Seat, ThreadGrant, enter};
@@ -35,6 +35,8 @@ pub(super) struct Common {
     pub(super) board: Arc<Board>,
     pub(super) desk: Arc<Desk>,
     pub(super) epoch: u64,
+    /// The loop's and the workers' time.
+    pub(super) clock: SlowedClock,
     /// Makes another source than the configured one.
     pub(super) source: Option<MakeSource>,
 }
@@ -105,7 +107,7 @@ pub(super) fn loop_thread(
     // Nobody sends when the start is called off.
     go.recv().ok()?;
 
-    let clock = MonotonicClock;
+    let clock = common.clock;
     let period_ns = config.timing.period_ns;
     let start_ns = clock.now_ns() + (LEAD_PERIODS * period_ns).max(LEAD_NS_MIN);
     let scenario = &config.scenario;
@@ -181,6 +183,7 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
         owned: owned.clone(),
         robots: common.places(),
         epoch: common.epoch,
+        clock: common.clock,
         states,
         board: Arc::clone(&common.board),
         records,

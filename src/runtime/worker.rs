@@ -7,7 +7,7 @@ use super::board::{Board, Released};
 use super::decider::Decider;
 use super::event_count::Waiting;
 use crate::channel::StateReader;
-use crate::clock::{Clock, MonotonicClock};
+use crate::clock::{Clock, SlowedClock};
 use crate::config::Wakeup;
 use crate::telemetry::{Pool, SolveRecord};
 use crate::wire::{RobotState, RobotTelemetry};
@@ -49,6 +49,7 @@ pub(super) struct Worker {
     pub(super) owned: Range<usize>,
     pub(super) robots: usize,
     pub(super) epoch: u64,
+    pub(super) clock: SlowedClock,
     pub(super) states: StateReader,
     pub(super) board: Arc<Board>,
     pub(super) records: Arc<Pool<SolveRecord>>,
@@ -69,7 +70,7 @@ impl Worker {
                 Released::Over => return,
                 Released::Nothing => {
                     let waiting = Waiting::new(self.wakeup, self.index, self.due_ns);
-                    self.board.releases.wait(&MonotonicClock, waiting, count, u64::MAX);
+                    self.board.releases.wait(&self.clock, waiting, count, u64::MAX);
                 }
                 Released::Tick(tick) => {
                     known = Some(tick);
@@ -103,7 +104,8 @@ impl Worker {
             return;
         }
         self.due_ns = header.release_ns.saturating_add(header.period_ns);
-        let since_state = || MonotonicClock.now_ns().saturating_sub(header.stamp_ns);
+        let clock = self.clock;
+        let since_state = || clock.now_ns().saturating_sub(header.stamp_ns);
         let state_to_worker_ns = since_state();
         let recorded = self.records.write(|record| {
             record.tick = tick;

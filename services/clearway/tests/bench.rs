@@ -129,7 +129,20 @@ fn whole_periods_of_a_fleet_are_timed() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let svg = std::env::temp_dir().join(format!("clearway-scale-{}.svg", std::process::id()));
     let output = Command::new(env!("CARGO_BIN_EXE_clearway"))
-        .args(["bench", "scale", "--robots", "200", "--workers", "2", "--periods", "10", "--warm-up", "3"])
+        .args([
+            "bench",
+            "scale",
+            "--robots",
+            "200",
+            "--workers",
+            "2",
+            "--periods",
+            "10",
+            "--warm-up",
+            "3",
+            "--slowdown",
+            "4",
+        ])
         .args(["--json", "-", "--plot", svg.to_str().unwrap()])
         .env("CLEARWAY_IOX2_PREFIX", &run)
         .env("CLEARWAY_IOX2_ROOT", std::env::temp_dir().join(&run))
@@ -140,12 +153,16 @@ fn whole_periods_of_a_fleet_are_timed() {
     let report = json(&output.stdout);
     assert_eq!((report["robots"].as_u64(), report["workers"].as_u64()), (Some(200), Some(2)), "{report}");
     assert_eq!(report["budget_ms"].as_f64(), Some(80.0));
-    for key in ["neighbours_mean", "ns_per_robot", "deadline_misses", "periods"] {
+    for key in ["neighbours_mean", "ns_per_robot", "deadline_misses", "cut_off", "times_memory_bound"] {
         assert!(report[key].as_f64().is_some(), "{key} {report}");
     }
     let at = |key: &str| report["step_ms"][key].as_f64().unwrap();
     assert!(at("p50") > 0.0 && at("p50") <= at("p99") && at("p99") <= at("max"), "{report}");
     assert_eq!(report["violations"], 0, "{report}");
+    // Nothing is lost on the way to the figures, and the warm-up is none of them.
+    assert_eq!(report["records_lost"], 0, "{report}");
+    assert!(report["periods"].as_u64().is_some_and(|n| (1..=10).contains(&n)), "{report}");
+    assert_eq!(report["slowdown"], 4, "{report}");
     let drawn = std::fs::read_to_string(&svg).unwrap();
     std::fs::remove_file(&svg).unwrap();
     let _ = std::fs::remove_dir_all(std::env::temp_dir().join(&run));

@@ -9,6 +9,7 @@ use clearway::runtime::{Daemon, Until};
 use clearway::scenario::Scenario;
 use clearway::wire::RobotState;
 use miette::{IntoDiagnostic, Result, WrapErr};
+use std::num::NonZeroU64;
 use std::time::Duration;
 
 /// Readers of each channel besides the workers that the daemon insists on.
@@ -23,6 +24,10 @@ pub(super) struct Drive {
     pub(super) workers: usize,
     pub(super) warm_up: u64,
     pub(super) periods: u64,
+    /// How much slower the daemon's time passes.
+    pub(super) slowdown: NonZeroU64,
+    /// What the machine's memory copies.
+    pub(super) copy_bytes_per_s: f64,
 }
 
 impl Drive {
@@ -43,7 +48,7 @@ impl Drive {
         let reach_m = limits.safety_margin_m
             + 2.0 * config.scenario.robots.first().map_or(0.0, |r| r.radius_m)
             + 2.0 * limits.v_max_mps * config.timing.period_s() / gamma;
-        let daemon = Daemon::start_from(config, Until::Stopped, |config, start_ns| {
+        let daemon = Daemon::start_slowed(config, Until::Stopped, self.slowdown, |config, start_ns| {
             Box::new(Carousel::new(config, start_ns))
         })
         .into_diagnostic()
@@ -55,8 +60,11 @@ impl Drive {
             while let Some(sample) = telemetry.next().into_diagnostic()? {
                 let header = sample.header();
                 progress(header.tick);
+                let slowdown = self.slowdown.get();
                 if header.tick >= self.warm_up {
-                    samples.add(header, sample.robots());
+                    samples.add(header, sample.robots(), slowdown);
+                } else {
+                    samples.add_early(header, slowdown);
                 }
             }
             if let Some(sample) = states.newest().into_diagnostic()?
