@@ -6,15 +6,19 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicI32, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use clearway::audit;
 use clearway::channel::{StateReader, Transport};
-use clearway::controller::{Decision, RobotGroup, rows_max};
+use clearway::config::Config;
+use clearway::controller::{Decision, RobotGroup, Robots, Timing, rows_max};
+use clearway::evaluation;
+use clearway::geometry::{Pose, Vec2};
+use clearway::model::Command;
 use clearway::runtime::{Daemon, Decider, Until};
 use clearway::scenario::Scenario;
 use clearway::solver::ClarabelSolver;
-use clearway::wire::RobotState;
+use clearway::wire::{RobotState, StopReason};
 use support::{World, config};
 
 /// Counts every allocation of every thread.
@@ -225,4 +229,56 @@ fn workers_allocate_nothing_and_the_loop_only_its_loans() {
         assert!(control_loop.loans <= 2 * (report.ticks + report.lost_records - WARM_UP as u64) + 2);
         assert!(control_loop.loans + 2 + report.deadline_misses >= 2 * periods);
     }
+}
+
+/// Robots around robot 0, more than it has rows for.
+const CROWD: usize = 100;
+
+/// Two groups answer a fleet in turns, in regions that change in every period.
+#[test]
+fn regions_of_a_large_fleet_are_answered_without_allocating_and_a_crowd_is_stopped_whole() {
+    let config = Config::new(Scenario::builtin("field-600-1").unwrap());
+    assert!(CROWD > config.controller.max_neighbours);
+    let robots = Arc::new(Robots::new(&config));
+    let mut groups = [(); 2].map(|()| RobotGroup::among(&config, Arc::clone(&robots)).unwrap());
+    let mut fleet = evaluation::initial_fleet(&config);
+    let (period_s, places, centre) = (config.timing.period_s(), fleet.len(), fleet[0].pose());
+    for (k, robot) in fleet.iter_mut().enumerate().take(CROWD + 1).skip(1) {
+        let (sin, cos) = (k as f64).sin_cos();
+        let offset_m = Vec2::new(cos, sin) * (0.35 + 0.001 * k as f64);
+        robot.set_pose(Pose { position_m: centre.position_m + offset_m, ..centre });
+    }
+    let mut next = fleet.clone();
+    let (mut before, mut crowded) = (Allocated::default(), 0);
+    for tick in 0..60_u64 {
+        if tick == 10 {
+            before = mine().unwrap().so_far();
+        }
+        let cut = (137 * usize::try_from(tick).unwrap()) % (places + 1);
+        let (mut answered, mut remembered) = (0, 0);
+        for (group, region) in groups.iter_mut().zip([0..cut, cut..places]) {
+            let remember = |_, _| remembered += 1;
+            group.solve_region(
+                (tick, region),
+                &fleet,
+                Timing::LogicalExecutionTime,
+                remember,
+                |k, decision| {
+                    answered += 1;
+                    next[k].set_pose(fleet[k].arc().pose(period_s));
+                    next[k].set_command(decision.command.command());
+                    next[k].intent = decision.intent;
+                    if decision.command.stop_reason == StopReason::Crowded as u32 {
+                        assert_eq!(decision.command.command(), Command::STOP);
+                        crowded += 1;
+                    }
+                    assert!(tick > 0 || k > 0 || decision.command.stop_reason == StopReason::Crowded as u32);
+                },
+            );
+        }
+        assert_eq!((answered, remembered), (places, places));
+        std::mem::swap(&mut fleet, &mut next);
+    }
+    assert_eq!(mine().unwrap().so_far().since(before), Allocated::default());
+    assert!(crowded > 0);
 }

@@ -14,9 +14,11 @@
 mod check;
 pub mod printed;
 mod robot;
+mod robots;
 mod rows;
 mod shelf;
 
+pub use robots::Robots;
 pub use shelf::{PreparedRoute, RouteShelf};
 
 use crate::audit::Recorder;
@@ -117,6 +119,29 @@ struct Law {
 }
 
 impl Law {
+    fn new(config: &Config) -> Self {
+        let (scenario, robots) = (&config.scenario, config.places());
+        Self {
+            control: config.controller,
+            limits: scenario.limits,
+            guidance: config.guidance,
+            period_s: config.timing.period_s(),
+            tolerance_m: scenario.tolerance_m,
+            obstacles: scenario.obstacles.clone(),
+            bounds: (!config.robust.is_none()).then_some(config.robust),
+            margin: None,
+            max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
+            foreign_s: 0.0,
+            untrusted_m: 0.0,
+            lost_m: 0.0,
+            largest_radius_m: 0.0,
+            unknown_m: 0.0,
+            foreign_speed_mps: (0..robots)
+                .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
+                .collect(),
+        }
+    }
+
     /// Takes in what is the same for all robots in this period.
     fn prepare(&mut self, fleet: &[RobotState], timing: Timing) {
         let (ahead_s, foreign_periods) = match timing {
@@ -200,6 +225,9 @@ struct Workspace {
 pub struct RobotGroup {
     law: Law,
     owned: Vec<RobotController>,
+    /// The fleet's controllers, of which this group answers a region in each period; without them it
+    /// answers `owned`.
+    robots: Option<Arc<Robots>>,
     predicted: Vec<RobotState>,
     workspace: Workspace,
 }
@@ -240,25 +268,7 @@ impl RobotGroup {
                 AnySolver::Clarabel(Box::new(built))
             }
         };
-        let law = Law {
-            control,
-            limits: scenario.limits,
-            guidance: config.guidance,
-            period_s: config.timing.period_s(),
-            tolerance_m: scenario.tolerance_m,
-            obstacles: scenario.obstacles.clone(),
-            bounds: (!config.robust.is_none()).then_some(config.robust),
-            margin: None,
-            max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
-            foreign_s: 0.0,
-            untrusted_m: 0.0,
-            lost_m: 0.0,
-            largest_radius_m: 0.0,
-            unknown_m: 0.0,
-            foreign_speed_mps: (0..robots)
-                .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
-                .collect(),
-        };
+        let law = Law::new(config);
         let largest_m = scenario.robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
         let speed_mps = law.limits.speed_mps();
         let cell_m = law.limits.safety_margin_m + 2.0 * largest_m + 2.0 * law.period_s * speed_mps;
@@ -271,6 +281,7 @@ impl RobotGroup {
                 })
                 .collect(),
             law,
+            robots: None,
             predicted: vec![RobotState::default(); robots],
             workspace: Workspace {
                 around: Surroundings::with_capacity(robots, cell_m),
@@ -283,6 +294,48 @@ impl RobotGroup {
                 shelf: None,
             },
         })
+    }
+
+    /// A group that owns nobody and answers regions of the fleet, with controllers that it shares with
+    /// other groups. Those that were lost in a panic are made anew.
+    ///
+    /// # Errors
+    /// When Clarabel refuses its set-up or `robots` are not those of `config`.
+    pub fn among(config: &Config, robots: Arc<Robots>) -> Result<Self, ControllerError> {
+        robots.fits(config.places())?;
+        let group = Self::new(config, 0..0)?;
+        robots.refill(&group.law, config);
+        Ok(Self { robots: Some(robots), ..group })
+    }
+
+    /// Whether it answers regions and not the robots that it owns.
+    pub fn is_regional(&self) -> bool {
+        self.robots.is_some()
+    }
+
+    /// Decides in period `tick` for the robots in the part `region` of the fleet in spatial order: cell
+    /// by cell, the smaller index first. The order is that of the states alone, and so are the decisions,
+    /// whoever makes them. `remember` hears what each robot remembered, then `each` what it decided; while
+    /// they do, nobody else can decide for this robot. For groups [`among`](Self::among) others.
+    pub fn solve_region(
+        &mut self,
+        (tick, region): (u64, Range<usize>),
+        fleet: &[RobotState],
+        timing: Timing,
+        mut remember: impl FnMut(usize, RobotCheckpoint),
+        mut each: impl FnMut(usize, &Decision),
+    ) {
+        let Some(robots) = self.robots.clone() else { return };
+        if !self.prepare(fleet, timing) {
+            return;
+        }
+        for at in region {
+            let Some(&index) = self.workspace.around.order().get(at) else { return };
+            robots.with(index as usize, tick, |robot| {
+                remember(robot.index(), robot.checkpoint());
+                each(robot.index(), &robot.decide(&self.law, &self.predicted, &mut self.workspace));
+            });
+        }
     }
 
     /// Calls `each` with every owned robot's index in the fleet and what it remembers.
@@ -323,8 +376,19 @@ impl RobotGroup {
         timing: Timing,
         mut each: impl FnMut(usize, &Decision, &Programme),
     ) {
-        if fleet.len() != self.predicted.len() {
+        if !self.prepare(fleet, timing) {
             return;
+        }
+        for robot in &mut self.owned {
+            let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace);
+            each(robot.index(), &decision, &self.workspace.programme);
+        }
+    }
+
+    /// What is common to the robots in this period; whether `fleet` is of the right length.
+    fn prepare(&mut self, fleet: &[RobotState], timing: Timing) -> bool {
+        if fleet.len() != self.predicted.len() {
+            return false;
         }
         self.law.prepare(fleet, timing);
         for (predicted, now) in self.predicted.iter_mut().zip(fleet) {
@@ -341,9 +405,6 @@ impl RobotGroup {
         }
         self.workspace.around.build(&self.predicted);
         self.workspace.predictions.begin();
-        for robot in &mut self.owned {
-            let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace);
-            each(robot.index(), &decision, &self.workspace.programme);
-        }
+        true
     }
 }

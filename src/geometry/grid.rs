@@ -165,6 +165,34 @@ mod tests {
     }
 
     #[test]
+    fn among_100_000_points_nobody_near_is_missed() {
+        // Crowded here and sparse there, farther than the cells' memory reaches before it repeats.
+        let mut random = 1_u64;
+        let mut next = || {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let points: Vec<Vec2> = (0..100_000)
+            .map(|_| {
+                let (angle, radius_m) = (std::f64::consts::TAU * next(), 2000.0 * next() * next());
+                Vec2::new(radius_m * angle.cos(), radius_m * angle.sin())
+            })
+            .collect();
+        let mut grid = Grid::with_capacity(points.len(), 0.7);
+        grid.build(points.iter().copied());
+        let mut seen = vec![false; points.len()];
+        grid.order().iter().for_each(|index| seen[*index as usize] = true);
+        assert!(seen.iter().all(|seen| *seen));
+        for p in points.iter().step_by(997) {
+            for reach_m in [0.5, 3.0] {
+                let near = |i: &u32| (points[*i as usize] - p).norm() <= reach_m;
+                let all: Vec<u32> = (0..100_000).filter(near).collect();
+                assert_eq!(found(&grid, &points, *p, reach_m), all);
+            }
+        }
+    }
+
+    #[test]
     fn what_is_not_finite_does_no_harm() {
         let points = [Vec2::new(f64::NAN, 1.0), Vec2::new(f64::INFINITY, f64::NEG_INFINITY), Vec2::zeros()];
         let mut grid = Grid::with_capacity(points.len(), 1.0);

@@ -87,7 +87,7 @@ impl Accelerated {
         let reader = node.reader_or_create(robots)?;
         let capacity = record_capacity(&config);
         let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(robots)));
-        let solves = Arc::new(Pool::new(capacity, || SolveRecord::with_robots(0, robots)));
+        let solves = Arc::new(Pool::new(capacity, || SolveRecord::with_room(robots)));
         let progress = Arc::new(Mutex::new(Progress { robots, ..Progress::default() }));
         let housekeeper = Housekeeper::new(
             &common,

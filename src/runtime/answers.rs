@@ -10,6 +10,9 @@ use crate::wire::{RobotCheckpoint, RobotTelemetry};
 pub(super) struct Answers {
     ring: Vec<Answer>,
     pub(super) watchdog: Watchdog,
+    /// What the robots of each worker took since somebody last looked, ns, and in how many records.
+    pub(super) work_ns: Vec<u64>,
+    pub(super) records: u64,
 }
 
 /// One period's solutions.
@@ -33,7 +36,12 @@ impl Answers {
             robots: vec![RobotTelemetry::default(); robots],
             checkpoints: vec![RobotCheckpoint::default(); robots],
         };
-        Self { ring: vec![empty; periods.max(1)], watchdog: Watchdog::new(workers) }
+        Self {
+            ring: vec![empty; periods.max(1)],
+            watchdog: Watchdog::new(workers),
+            work_ns: vec![0; workers],
+            records: 0,
+        }
     }
 
     fn slot(&self, tick: u64) -> usize {
@@ -57,6 +65,10 @@ impl Answers {
                 more = pool
                     .read(|record| {
                         self.watchdog.answered(worker, record.tick);
+                        self.records += 1;
+                        if let Some(work_ns) = self.work_ns.get_mut(worker) {
+                            *work_ns += record.robots.iter().map(|(_, robot)| robot.step_ns).sum::<u64>();
+                        }
                         self.add(record, figures, statistics);
                     })
                     .is_some();
@@ -75,11 +87,15 @@ impl Answers {
         }
         answer.known += record.robots.len();
         answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
-        let mine = answer.checkpoints.iter_mut().skip(record.first);
-        mine.zip(&record.checkpoints).for_each(|(mine, checkpoint)| *mine = *checkpoint);
-        let mine = answer.robots.iter_mut().skip(record.first);
-        for (mine, robot) in mine.zip(&record.robots) {
-            *mine = *robot;
+        for (index, checkpoint) in &record.checkpoints {
+            if let Some(mine) = answer.checkpoints.get_mut(*index) {
+                *mine = *checkpoint;
+            }
+        }
+        for (index, robot) in &record.robots {
+            if let Some(mine) = answer.robots.get_mut(*index) {
+                *mine = *robot;
+            }
             figures.observe_solve(robot);
         }
     }

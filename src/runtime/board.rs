@@ -1,6 +1,7 @@
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use super::event_count::EventCount;
+use super::regions::Regions;
 use super::staging::Staging;
 use crate::config::Wakeup;
 use crate::wire::StopReason;
@@ -30,6 +31,8 @@ pub(super) struct Board {
     stop: AtomicU32,
     /// Commands on their way from the workers to the loop.
     pub(super) staging: Staging,
+    /// Who answers which part of the fleet.
+    pub(super) regions: Regions,
     /// Times that a worker panicked.
     pub(super) worker_panics: AtomicU64,
     /// Workers that panicked too often and stay down.
@@ -57,6 +60,7 @@ impl Board {
             workers: (workers as u64).min(BUSY),
             completions: EventCount::new(wakeup, 1),
             stop: AtomicU32::new(0),
+            regions: Regions::new(ids.len(), workers),
             staging: Staging::new(ids),
             worker_panics: AtomicU64::new(0),
             workers_lost: AtomicU64::new(0),
@@ -65,6 +69,7 @@ impl Board {
 
     /// Lets the workers start on `tick`; everything written before is visible to them.
     pub(super) fn release(&self, tick: u64) {
+        self.regions.adopt();
         self.busy.store(tick << BUSY_BITS | self.workers, Ordering::Relaxed);
         self.released.store(tick + 1, Ordering::Release);
         self.releases.notify();

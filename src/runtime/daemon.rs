@@ -20,7 +20,7 @@ use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock, SlowedClock};
 use crate::config::{Config, SolverKind};
-use crate::controller::{ControllerError, RobotGroup, RouteShelf, rows_max};
+use crate::controller::{ControllerError, RobotGroup, Robots, RouteShelf, rows_max};
 use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
 use crate::report::Report;
 use crate::solver::ClarabelSolver;
@@ -114,8 +114,10 @@ impl Daemon {
         };
         let shelf = Arc::new(RouteShelf::new(config.places()));
         let routes = Arc::clone(&shelf);
-        Self::start_audited(config, until, (source, clock), auditor, shelf, move |owned| {
-            let group = RobotGroup::new(&for_workers, owned)?.with_routes(Arc::clone(&routes));
+        let robots = Arc::new(Robots::new(&config));
+        Self::start_audited(config, until, (source, clock), auditor, shelf, move |_| {
+            let group = RobotGroup::among(&for_workers, Arc::clone(&robots))?;
+            let group = group.with_routes(Arc::clone(&routes));
             Ok::<_, ControllerError>(match &recorder {
                 Some(recorder) => group.audited_by(recorder.clone()),
                 None => group,
@@ -231,8 +233,9 @@ impl Daemon {
         let make = Arc::new(make);
         let mut solves = Vec::new();
         for (index, owned) in shares(robots, places, placement.worker_cpus.len()).enumerate() {
-            let records =
-                Arc::new(Pool::new(capacity, || SolveRecord::with_robots(owned.start, owned.len())));
+            let records = Arc::new(Pool::new(capacity, || {
+                SolveRecord::with_room(owned.len().max(common.board.regions.room()))
+            }));
             solves.push(Arc::clone(&records));
             let (common, make) = (common.clone(), Arc::clone(&make));
             let (ready, readiness) = sync_channel(1);

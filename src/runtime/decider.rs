@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use crate::controller::{Decision, RobotGroup, Timing};
 use crate::wire::{RobotCheckpoint, RobotState};
 
@@ -10,6 +12,24 @@ pub trait Decider {
     /// act at `t_{k+1}`.
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision));
 
+    /// Whether it answers regions of the fleet, with [`decide_region`](Self::decide_region), and not
+    /// always the robots that it was made for.
+    fn is_regional(&self) -> bool {
+        false
+    }
+
+    /// As [`decide`](Self::decide) and [`checkpoint`](Self::checkpoint), in period `tick` and for the
+    /// robots in the part `region` of the fleet in spatial order.
+    fn decide_region(
+        &mut self,
+        (tick, region): (u64, Range<usize>),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        let _ = (tick, region, fleet, remember, each);
+    }
+
     /// Calls `each` with every robot's index in the fleet and what it remembers, so that a recording
     /// can be computed again. One that remembers nothing need not. Must not allocate.
     fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
@@ -20,6 +40,20 @@ pub trait Decider {
 impl Decider for RobotGroup {
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
         self.solve(fleet, Timing::LogicalExecutionTime, each);
+    }
+
+    fn is_regional(&self) -> bool {
+        RobotGroup::is_regional(self)
+    }
+
+    fn decide_region(
+        &mut self,
+        region: (u64, Range<usize>),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        self.solve_region(region, fleet, Timing::LogicalExecutionTime, remember, each);
     }
 
     fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {

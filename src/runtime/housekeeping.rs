@@ -8,13 +8,13 @@ use super::board::{Board, Released};
 use super::driven::Driven;
 use super::error::DaemonError;
 use super::findings::Findings;
+use super::forecast::Forecast;
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::threads::{Common, poll_interval, record_capacity};
 use super::truth::Truth;
 use super::watchdog::Change;
 use crate::audit::Auditor;
-use crate::certificate::Decrease;
 use crate::channel::{Attachment, Writer};
 use crate::config::Config;
 use crate::figures::Accumulator;
@@ -29,11 +29,11 @@ use crate::wire::{
 /// How often dead processes are cleaned up and changes are logged.
 const CHORES_EVERY: Duration = Duration::from_secs(1);
 
+/// Periods whose work is compared before the workers' regions are changed.
+const REBALANCE_PERIODS: u64 = 16;
+
 /// Solutions that the audit looks at in one round: a few hundred microseconds of Clarabel.
 const AUDITS_A_ROUND: usize = 8;
-
-/// Steps that a forecast looks ahead; what takes longer is `u32::MAX`.
-const SETTLING_STEPS_MAX: u32 = 250;
 
 /// The thread that may allocate, format and wait: it turns records into figures, samples on
 /// `telemetry` and log lines.
@@ -137,6 +137,7 @@ impl Housekeeper {
             auditor.audit(AUDITS_A_ROUND);
         }
         self.statistics.lost_records = self.lost();
+        self.rebalance();
         self.show();
     }
 
@@ -189,6 +190,19 @@ impl Housekeeper {
                 .is_some();
         }
         answers.drain(solves, accumulator, statistics);
+    }
+
+    /// Asks for other regions when the workers' are uneven. The commands never depend on it.
+    fn rebalance(&mut self) {
+        let workers = self.solves.len();
+        if workers < 2 || self.answers.records < REBALANCE_PERIODS * workers as u64 {
+            return;
+        }
+        if let Some(cuts) = self.board.regions.balanced(&self.answers.work_ns) {
+            self.board.regions.want(&cuts);
+        }
+        self.answers.work_ns.fill(0);
+        self.answers.records = 0;
     }
 
     fn lost(&self) -> u64 {
@@ -266,32 +280,6 @@ fn tell(tick: u64, change: Change) {
 fn stands(period: &PeriodRecord) -> bool {
     period.states.iter().all(|state| state.command() == Command::STOP)
         && period.commands.iter().all(|command| command.command() == Command::STOP)
-}
-
-/// Predicts from the recursion of the position certificate when robots will have arrived. Too long
-/// a computation for the workers.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Forecast {
-    decrease: Decrease,
-    reach_m: f64,
-    tolerance_m: f64,
-}
-
-impl Forecast {
-    pub(super) fn new(config: &Config) -> Self {
-        Self {
-            decrease: Decrease::of(&config.controller),
-            reach_m: config.scenario.limits.v_max_mps * config.timing.period_s(),
-            tolerance_m: config.scenario.tolerance_m,
-        }
-    }
-
-    fn settling_steps(&self, lyapunov_position_m2: f64) -> u32 {
-        let distance_m = (2.0 * lyapunov_position_m2).sqrt();
-        let steps =
-            self.decrease.settling_steps(distance_m, self.reach_m, self.tolerance_m, SETTLING_STEPS_MAX);
-        steps.unwrap_or(u32::MAX)
-    }
 }
 
 /// Puts a period's telemetry together and sends it.

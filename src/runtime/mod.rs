@@ -6,7 +6,7 @@
 //!             └───────│────────────────│───────────────────▲──────────┘
 //!              shared memory         futex      staged commands (atomics), futex
 //!             ┌───────▼────────────────▼───────────────────│──────────┐
-//!             │ workers (SCHED_FIFO p−1): each owns its robots alone  │
+//!             │ workers (SCHED_FIFO p−1): each has a region of its own│
 //!             └───────────────────────────────────────────────────────┘
 //!                records through bounded queues ──▶ housekeeping ──▶ telemetry sample, figures, log
 //! ```
@@ -32,8 +32,10 @@ mod driven;
 mod error;
 mod event_count;
 mod findings;
+mod forecast;
 mod housekeeping;
 mod progress;
+mod regions;
 mod staging;
 mod starting;
 mod statistics;

@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(regions.balanced(&[100, 200]), Some(vec![0, 62, 100]));
         assert_eq!(regions.balanced(&[1, 1_000_000]), Some(vec![0, 74, 100]));
         assert_eq!(balance(&[0, 50, 100], &[1_000_000, 1], 76), [0, 25, 100]);
-        assert_eq!(balance(&[0, 0, 10, 10], &[0, 7, 0], 4), [0, 3, 6, 10]);
+        assert_eq!(balance(&[0, 0, 10, 10], &[0, 7, 0], 4), [0, 2, 6, 10]);
         assert_eq!(Regions::new(3, 8).room(), 2);
     }
 

@@ -80,7 +80,8 @@ impl Statistics {
 
     pub(super) fn add_solves(&mut self, record: &SolveRecord) {
         self.state_to_worker.record(record.state_to_worker_ns);
-        for robot in record.robots.iter().filter(|robot| robot.status != SolveStatus::NotSolved as u32) {
+        let robots = record.robots.iter().map(|(_, robot)| robot);
+        for robot in robots.filter(|robot| robot.status != SolveStatus::NotSolved as u32) {
             self.solve.record(robot.solve_ns);
             self.step.record(robot.step_ns);
         }

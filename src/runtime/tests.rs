@@ -14,12 +14,14 @@ use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
 use crate::clock::{Clock, SlowedClock};
 use crate::config::{Config, PublishAt, Wakeup};
-use crate::controller::{Decision, RobotGroup, Timing};
+use crate::controller::{Decision, RobotGroup, Robots, Timing};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::schedule::{Schedule, TICK_MAX};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{CommandHeader, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason};
+use crate::wire::{
+    CommandHeader, RobotCheckpoint, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason,
+};
 
 #[path = "../../tests/support/mod.rs"]
 mod support;
@@ -146,9 +148,7 @@ impl Rig {
                         clock: SlowedClock::default(),
                         states: transport.attach("worker").unwrap().reader().unwrap(),
                         board,
-                        records: Arc::new(Pool::new(4, || {
-                            SolveRecord::with_robots(owned.start, owned.len())
-                        })),
+                        records: Arc::new(Pool::new(4, || SolveRecord::with_room(robots))),
                         owned: owned.clone(),
                     };
                     ready.send(()).unwrap();
@@ -210,6 +210,103 @@ fn swap8() -> Scenario {
 fn group(config: &Config) -> impl Fn(Range<usize>) -> RobotGroup + Send + Sync + use<> {
     let config = config.clone();
     move |owned| RobotGroup::new(&config, owned).unwrap()
+}
+
+/// Groups that share the controllers of the fleet and answer regions.
+fn regional(config: &Config) -> impl Fn(Range<usize>) -> RobotGroup + Send + Sync + use<> {
+    let robots = Arc::new(Robots::new(config));
+    let config = config.clone();
+    move |_| RobotGroup::among(&config, Arc::clone(&robots)).unwrap()
+}
+
+/// Asks for other regions in every `every`-th period, empty ones among them, before its deadline comes.
+fn restless(workers: usize, every: u64, places: usize) -> Ready {
+    Box::new(move |board, tick| {
+        if tick.is_multiple_of(every) {
+            let round = usize::try_from(tick / every).unwrap();
+            let mut cuts: Vec<_> = (1..workers).map(|w| (5 * round + 3 * w * w) % (places + 1)).collect();
+            cuts.extend([0, places]);
+            cuts.sort_unstable();
+            board.regions.want(&cuts);
+        }
+        board.staging.complete(tick)
+    })
+}
+
+/// However many workers, and whoever answers a robot in which period: the bits of fixed shares.
+#[test]
+fn regions_and_their_changes_change_nothing() {
+    const TICKS: u64 = 60;
+    let world = World::new("regions");
+    let field = Scenario::builtin("random-20-1").unwrap();
+    let rig = Rig::new(&world, field.clone(), 2, TICKS);
+    let make = group(&rig.config);
+    let fixed = rig.run(make).0.states;
+    assert_eq!(fixed.len() as u64, TICKS);
+    for (workers, every) in [(1, 1), (2, 1), (3, 1), (2, 7), (3, 7), (8, 2)] {
+        let mut rig = Rig::new(&world, field.clone(), workers, TICKS);
+        rig.config.timing.publish = PublishAt::Deadline;
+        rig.ready = restless(workers, every, field.robots.len());
+        let make = regional(&rig.config);
+        let (seen, board) = rig.run(make);
+        assert!(seen.states == fixed, "{workers} workers, other regions every {every} periods");
+        assert!(board.regions.adopted() >= TICKS / every - 1);
+    }
+}
+
+/// A regional group that panics while it holds the controller of robot 3 in period 5.
+struct Panicking {
+    group: RobotGroup,
+    panics: Arc<AtomicU64>,
+}
+
+impl Decider for Panicking {
+    fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
+        unreachable!("it is regional");
+    }
+
+    fn is_regional(&self) -> bool {
+        true
+    }
+
+    fn decide_region(
+        &mut self,
+        region: (u64, Range<usize>),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        let tick = region.0;
+        self.group.decide_region(region, fleet, remember, &mut |index, decision| {
+            if (tick, index) == (5, 3) {
+                self.panics.fetch_add(1, Ordering::Relaxed);
+                std::panic::resume_unwind(Box::new("a fault, injected"));
+            }
+            each(index, decision);
+        });
+    }
+}
+
+#[test]
+fn a_robot_whose_controller_was_lost_in_a_panic_drives_on_with_a_new_one_in_any_region() {
+    let world = World::new("lost");
+    let mut rig = Rig::new(&world, swap8(), 2, 20);
+    rig.config.timing.publish = PublishAt::Deadline;
+    let restless = restless(2, 1, 8);
+    rig.ready = Box::new(move |board, tick| restless(board, tick) || tick == 5 && board.complete(tick));
+    let make = regional(&rig.config);
+    let panics = Arc::new(AtomicU64::new(0));
+    let counted = Arc::clone(&panics);
+    let (seen, board) = rig.run(move |owned| Panicking { group: make(owned), panics: Arc::clone(&counted) });
+    assert_eq!((panics.load(Ordering::Relaxed), board.worker_panics.load(Ordering::Relaxed)), (1, 1));
+    for robot in 0..8 {
+        let stopped: Vec<_> = (1..21).filter(|k| seen.commands[*k].1[robot].stop_reason != 0).collect();
+        // Period 5 is answered by the commands of period 6.
+        assert!(
+            if robot == 3 { stopped == [6] } else { stopped.is_empty() || stopped == [6] },
+            "{stopped:?}"
+        );
+    }
 }
 
 /// The whole daemon across the places where numbers wrap, in virtual time.

@@ -9,8 +9,9 @@ use super::event_count::Waiting;
 use crate::channel::StateReader;
 use crate::clock::{Clock, SlowedClock};
 use crate::config::Wakeup;
+use crate::controller::Decision;
 use crate::telemetry::{Pool, SolveRecord};
-use crate::wire::{RobotState, RobotTelemetry};
+use crate::wire::{RobotCheckpoint, RobotState, RobotTelemetry};
 
 /// Panics after which a worker stays down: what fails so often is not an accident.
 const RESTARTS_MAX: u64 = 3;
@@ -40,7 +41,7 @@ impl Lapses {
     }
 }
 
-/// One worker: the robots of `owned`, which nobody else touches.
+/// One worker: the robots of `owned`, which nobody else touches, or those of its region.
 pub(super) struct Worker {
     pub(super) index: usize,
     pub(super) wakeup: Wakeup,
@@ -84,7 +85,9 @@ impl Worker {
                         lapses.clean();
                     } else if worked == Some(false) {
                         self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
-                        decider = if lapses.panic() { make() } else { None };
+                        // Made in any case: it brings back what the panic took from others as well.
+                        let again = make();
+                        decider = if lapses.panic() { again } else { None };
                         if decider.is_none() {
                             self.board.workers_lost.fetch_add(1, Ordering::Relaxed);
                         }
@@ -110,42 +113,51 @@ impl Worker {
         let recorded = self.records.write(|record| {
             record.tick = tick;
             record.state_to_worker_ns = state_to_worker_ns;
-            let first = record.first;
-            decider.checkpoint(&mut |index, checkpoint| {
-                let slot = index.checked_sub(first).and_then(|own| record.checkpoints.get_mut(own));
-                if let Some(slot) = slot {
-                    *slot = checkpoint;
+            let (robots, checkpoints) = (&mut record.robots, &mut record.checkpoints);
+            robots.clear();
+            checkpoints.clear();
+            // Lists have room for any region, and never grow here.
+            let mut remember = |index, checkpoint| {
+                if checkpoints.len() < checkpoints.capacity() {
+                    checkpoints.push((index, checkpoint));
                 }
-            });
-            let robots = &mut record.robots;
-            decide(&self.board, &self.owned, tick, decider, sample.robots(), |index, telemetry| {
-                if let Some(slot) = robots.get_mut(index - first) {
-                    *slot = *telemetry;
+            };
+            self.decide(tick, decider, sample.robots(), &mut remember, |index, telemetry| {
+                if robots.len() < robots.capacity() {
+                    robots.push((index, *telemetry));
                 }
             });
             record.state_to_staged_ns = since_state();
         });
         if !recorded {
-            decide(&self.board, &self.owned, tick, decider, sample.robots(), |_, _| {});
+            self.decide(tick, decider, sample.robots(), &mut |_, _| {}, |_, _| {});
         }
     }
-}
 
-fn decide<D: Decider>(
-    board: &Board,
-    owned: &Range<usize>,
-    tick: u64,
-    decider: &mut D,
-    fleet: &[RobotState],
-    mut tell: impl FnMut(usize, &RobotTelemetry),
-) {
-    decider.decide(fleet, &mut |index, decision| {
-        // A slot has one writer: another worker's robot is none of ours.
-        if owned.contains(&index) {
-            board.staging.put(index, tick, &decision.command, &decision.intent);
-            tell(index, &decision.telemetry);
+    fn decide<D: Decider>(
+        &self,
+        tick: u64,
+        decider: &mut D,
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        mut tell: impl FnMut(usize, &RobotTelemetry),
+    ) {
+        let regional = decider.is_regional();
+        let mut each = |index: usize, decision: &Decision| {
+            // A slot has one writer: the worker that owns the robot, or has its controller.
+            if regional || self.owned.contains(&index) {
+                self.board.staging.put(index, tick, &decision.command, &decision.intent);
+                tell(index, &decision.telemetry);
+            }
+        };
+        if regional {
+            let region = self.board.regions.of(self.index);
+            decider.decide_region((tick, region), fleet, remember, &mut each);
+        } else {
+            decider.checkpoint(remember);
+            decider.decide(fleet, &mut each);
         }
-    });
+    }
 }
 
 #[cfg(test)]

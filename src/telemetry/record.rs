@@ -34,26 +34,24 @@ impl PeriodRecord {
 pub struct SolveRecord {
     /// The period whose state was answered.
     pub tick: u64,
-    /// Index of the worker's first robot in the scenario.
-    pub first: usize,
     /// From the state's stamp to the worker having it, ns.
     pub state_to_worker_ns: u64,
     /// From the state's stamp to the worker's last command being staged, ns.
     pub state_to_staged_ns: u64,
-    /// One record for each of its robots.
-    pub robots: Vec<RobotTelemetry>,
+    /// Index in the fleet and record of each robot that it answered.
+    pub robots: Vec<(usize, RobotTelemetry)>,
     /// What each of them remembered before.
-    pub checkpoints: Vec<RobotCheckpoint>,
+    pub checkpoints: Vec<(usize, RobotCheckpoint)>,
 }
 
 impl SolveRecord {
-    /// An empty record for the worker of `robots` robots from index `first`.
-    pub fn with_robots(first: usize, robots: usize) -> Self {
-        Self {
-            first,
-            robots: vec![RobotTelemetry::default(); robots],
-            checkpoints: vec![RobotCheckpoint::default(); robots],
-            ..Self::default()
-        }
+    /// An empty record with room for `robots` robots.
+    pub fn with_room(robots: usize) -> Self {
+        let (mut robots, mut checkpoints) =
+            (vec![Default::default(); robots], vec![Default::default(); robots]);
+        // Touched once, so that no page of it is missing later.
+        robots.clear();
+        checkpoints.clear();
+        Self { robots, checkpoints, ..Self::default() }
     }
 }
