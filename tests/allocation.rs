@@ -232,20 +232,20 @@ fn workers_allocate_nothing_and_the_loop_only_its_loans() {
 }
 
 /// Robots around robot 0, more than it has rows for.
-const CROWD: usize = 100;
+const CROWD: usize = 400;
 
 /// Two groups answer a fleet in turns, in regions that change in every period.
 #[test]
 fn regions_of_a_large_fleet_are_answered_without_allocating_and_a_crowd_is_stopped_whole() {
     let config = Config::new(Scenario::builtin("field-600-1").unwrap());
-    assert!(CROWD > config.controller.max_neighbours);
+    assert!(CROWD > rows_max(&config.controller));
     let robots = Arc::new(Robots::new(&config));
     let mut groups = [(); 2].map(|()| RobotGroup::among(&config, Arc::clone(&robots)).unwrap());
     let mut fleet = evaluation::initial_fleet(&config);
     let (period_s, places, centre) = (config.timing.period_s(), fleet.len(), fleet[0].pose());
     for (k, robot) in fleet.iter_mut().enumerate().take(CROWD + 1).skip(1) {
         let (sin, cos) = (k as f64).sin_cos();
-        let offset_m = Vec2::new(cos, sin) * (0.35 + 0.001 * k as f64);
+        let offset_m = Vec2::new(cos, sin) * (0.35 + 0.0002 * k as f64);
         robot.set_pose(Pose { position_m: centre.position_m + offset_m, ..centre });
     }
     let mut next = fleet.clone();
@@ -272,7 +272,10 @@ fn regions_of_a_large_fleet_are_answered_without_allocating_and_a_crowd_is_stopp
                         assert_eq!(decision.command.command(), Command::STOP);
                         crowded += 1;
                     }
-                    assert!(tick > 0 || k > 0 || decision.command.stop_reason == StopReason::Crowded as u32);
+                    if (tick, k) == (0, 0) {
+                        let rows = decision.telemetry.safety_rows;
+                        assert_eq!(decision.command.stop_reason, StopReason::Crowded as u32, "{rows} rows");
+                    }
                 },
             );
         }

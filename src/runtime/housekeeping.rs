@@ -16,7 +16,6 @@ use super::truth::Truth;
 use super::watchdog::Change;
 use crate::audit::Auditor;
 use crate::channel::{Attachment, Writer};
-use crate::config::Config;
 use crate::figures::Accumulator;
 use crate::model::Command;
 use crate::solver::ClarabelSolver;
