@@ -417,6 +417,45 @@ fn a_flood_is_answered_busy_and_changes_no_bit_of_a_robot_that_it_does_not_conce
     assert_eq!(quiet[..both], flooded[..both]);
 }
 
+/// The requests of one moment: whatever they were carried out in, the last one counts.
+#[test]
+fn a_stop_that_comes_last_leaves_the_fleet_stopped() {
+    let world = World::new("admin_last_stop");
+    let run = start(two(&world));
+    let mut states = run.client.states().unwrap();
+    let node = Transport::new("default", &world.channel).unwrap().attach("test").unwrap();
+    let ports: Vec<_> = (0..2).map(|_| node.admin().unwrap()).collect();
+    for _ in 0..20 {
+        let kinds = [AdminKind::Stop, AdminKind::Clear, AdminKind::Resume, AdminKind::Stop];
+        let ask = |(n, kind): (usize, AdminKind)| {
+            let request = AdminRequest {
+                expires_ns: MonotonicClock.now_ns() + 30_000_000_000,
+                kind: kind as u32,
+                ..AdminRequest::default()
+            };
+            ports[n / 2].ask(&request, &[]).unwrap()
+        };
+        let waiting: Vec<_> = kinds.into_iter().enumerate().map(ask).collect();
+        let answered = |one: &_| {
+            let one: &clearway::channel::Waiting = one;
+            let end = Instant::now() + PATIENCE;
+            while Instant::now() < end {
+                if let Some((answer, _)) = one.answer().unwrap() {
+                    return (AdminCode::from_code(answer.code).unwrap(), answer.acts_from_tick);
+                }
+                std::thread::sleep(Duration::from_micros(200));
+            }
+            panic!("every request is answered");
+        };
+        let answers: Vec<_> = waiting.iter().map(answered).collect();
+        let last = answers.iter().map(|(_, tick)| *tick).max().unwrap();
+        assert_eq!(answers[3].0, AdminCode::Done);
+        until(&mut states, |header, robots| {
+            (header.tick >= last).then(|| assert!(robots.iter().all(|one| one.has(state_flags::STOPPED))))
+        });
+    }
+}
+
 #[test]
 fn a_request_that_has_expired_or_never_does_is_not_carried_out() {
     let world = World::new("admin_expired");

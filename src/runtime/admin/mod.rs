@@ -83,9 +83,10 @@ pub(super) struct Shared {
     pub(super) until: Until,
 }
 
-/// Batches that the desk has room for: what a period carries out, and a stop, which is never busy.
+/// Batches that the desk has room for: what a period carries out, and stops, which are never busy. There
+/// is at most one before and one after each that clears one.
 pub(super) fn desk_size(config: &Config) -> usize {
-    config.admin.changes_per_period + 1
+    2 * config.admin.changes_per_period + 1
 }
 
 /// The thread: makes its port, says so, answers until the run is over.
@@ -164,7 +165,15 @@ impl Admin {
                 .partition(|pending: &Pending| pending.key == batch.key);
             self.pending = others;
             for Pending { asked, .. } in mine {
-                self.tell(asked, &batch);
+                // It was with a stop that expired before it does.
+                if batch.outcome == Outcome::Expired
+                    && is_stop(&batch.changes)
+                    && MonotonicClock.now_ns() < asked.header().expires_ns
+                {
+                    self.accept(asked, AdminKind::Stop);
+                } else {
+                    self.tell(asked, &batch);
+                }
             }
         }
     }
@@ -200,8 +209,11 @@ impl Admin {
 
     fn serve(&mut self, over: bool) {
         let mut queries = 0;
-        for _ in 0..REQUESTS_A_ROUND {
-            let Ok(Some(asked)) = self.server.next() else { return };
+        let next = || self.server.next().ok().flatten();
+        let round = std::iter::from_fn(next).take(REQUESTS_A_ROUND);
+        // What holds the fleet or lets it go does not wait for long work, and keeps its order.
+        let (holds, others): (Vec<_>, Vec<_>) = round.partition(is_about_hold);
+        for asked in holds.into_iter().chain(others) {
             if over {
                 self.refuse(asked, &ending());
                 continue;
@@ -248,10 +260,7 @@ impl Admin {
     /// Passes a request that changes something on to the loop, if it is sound.
     fn accept(&mut self, asked: Asked, kind: AdminKind) {
         if kind == AdminKind::Stop {
-            // One that is under way already serves for this one too.
-            let stop = Change::Hold { set: state_flags::STOPPED, clear: 0 };
-            let same = self.under_way.iter().find(|one| one.changes[..] == [stop]).map(|one| one.key);
-            if let Some(key) = same {
+            if let Some(key) = stop_in_force(&self.under_way) {
                 self.pending.push(Pending { key, asked });
                 return;
             }
@@ -372,12 +381,25 @@ impl Admin {
     }
 }
 
+fn is_about_hold(asked: &Asked) -> bool {
+    let kind = AdminKind::from_code(asked.header().kind);
+    let holds = [AdminKind::Stop, AdminKind::Pause, AdminKind::Resume, AdminKind::Clear];
+    kind.is_some_and(|kind| holds.contains(&kind))
+}
+
 fn is_hold(changes: &[Change]) -> bool {
     changes.iter().all(|change| matches!(change, Change::Hold { .. }))
 }
 
 fn is_stop(changes: &[Change]) -> bool {
     matches!(changes, [Change::Hold { set: state_flags::STOPPED, .. }])
+}
+
+/// A stop on its way to the loop that serves for a new one too: nothing after it takes it back.
+fn stop_in_force(under_way: &[UnderWay]) -> Option<u64> {
+    let of_stop = |change: &Change| matches!(change, Change::Hold { set, clear } if (set | clear) & state_flags::STOPPED != 0);
+    let last = under_way.iter().rev().find(|one| one.changes.iter().any(of_stop))?;
+    is_stop(&last.changes).then_some(last.key)
 }
 
 fn busy(text: &str) -> Refusal {
@@ -404,5 +426,49 @@ fn log_change(kind: u32, tick: u64, changes: &[Change]) {
         [Change::Goal { .. }, ..] => tracing::debug!(tick, robots = changes.len(), "{kind}"),
         [Change::Add { robot, .. }] => tracing::info!(tick, robot = robot.id.0, "{kind}"),
         _ => tracing::info!(tick, "{kind}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STOP: Change = Change::Hold { set: state_flags::STOPPED, clear: 0 };
+    const CLEAR: Change = Change::Hold { set: state_flags::PAUSED, clear: state_flags::STOPPED };
+    const RESUME: Change = Change::Hold { set: 0, clear: state_flags::PAUSED };
+
+    fn under_way(changes: &[Change]) -> Vec<UnderWay> {
+        let one = |(key, change): (u64, &Change)| UnderWay {
+            key,
+            client: 0,
+            refusals_known: 0,
+            changes: vec![*change],
+        };
+        (0..).zip(changes).map(one).collect()
+    }
+
+    #[test]
+    fn a_stop_relies_on_another_only_if_nothing_takes_that_back() {
+        let goal = Change::Goal { place: 0, goal_m: crate::geometry::Vec2::new(0.0, 0.0) };
+        let served_by = |changes: &[Change]| stop_in_force(&under_way(changes));
+        assert_eq!(served_by(&[]), None);
+        assert_eq!(served_by(&[goal]), None);
+        assert_eq!(served_by(&[STOP]), Some(0));
+        assert_eq!(served_by(&[STOP, goal, RESUME]), Some(0));
+        assert_eq!(served_by(&[STOP, CLEAR]), None);
+        assert_eq!(served_by(&[STOP, CLEAR, RESUME]), None);
+        assert_eq!(served_by(&[STOP, CLEAR, RESUME, STOP]), Some(3));
+        // Whatever comes, the fleet stands after its last stop.
+        for before in [&[STOP, CLEAR, RESUME][..], &[STOP, CLEAR], &[CLEAR], &[STOP], &[RESUME]] {
+            let mut all = before.to_vec();
+            if served_by(&all).is_none() {
+                all.push(STOP);
+            }
+            let hold = all.iter().fold(0, |hold, change| match change {
+                Change::Hold { set, clear } => hold & !clear | set,
+                _ => hold,
+            });
+            assert_ne!(hold & state_flags::STOPPED, 0, "{before:?}");
+        }
     }
 }
