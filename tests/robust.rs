@@ -267,6 +267,33 @@ fn pressing_crowd_keeps_its_distance_under_every_disturbance_within_the_bounds()
     }
 }
 
+/// A robot that goes silent at steady speed still travels what its wheels are behind: that is ahead of
+/// where the commands since its last good pose lead to.
+#[test]
+fn a_lost_robot_rests_within_what_its_silence_adds() {
+    let limits = Limits { v_max_mps: 1.0, omega_min_radps: -0.1, omega_max_radps: 0.1, ..Limits::default() };
+    let (t, per_period) = (0.08, 200);
+    let h = t / f64::from(per_period);
+    for (lag_s, silent_periods) in [(1.0, 2), (1.0, 6), (0.3, 2)] {
+        let bounds = Disturbance { lag_s, ..Disturbance::NONE };
+        let margin = Margin::new(bounds, &limits, t, t);
+        let go = Command { v_mps: limits.v_max_mps, omega_radps: 0.0 };
+        // Since long at full speed when last seen, then on for its silence, then told to stop.
+        let mut wheels = Wheels { lag_s, late: 0, v_mps: go.v_mps, omega_radps: 0.0 };
+        let (mut travelled_m, mut carried_m) = (0.0, 0.0);
+        for k in 0..(silent_periods + 400) * per_period {
+            let command = if k < silent_periods * per_period { go } else { Command::STOP };
+            wheels.follow(command, h);
+            travelled_m += wheels.v_mps * h;
+            carried_m += command.v_mps * h;
+        }
+        let ahead_m = travelled_m - carried_m;
+        assert!((ahead_m - limits.v_max_mps * lag_s).abs() < 0.01, "{ahead_m} with a lag of {lag_s} s");
+        let added_m = margin.lost_m(f64::from(silent_periods) * t);
+        assert!(added_m >= ahead_m, "{added_m} for {ahead_m} with a lag of {lag_s} s");
+    }
+}
+
 #[test]
 fn without_the_margin_the_same_crowd_comes_too_close() {
     let none = Disturbance::NONE;

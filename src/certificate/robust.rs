@@ -156,9 +156,13 @@ impl Margin {
     }
 
     /// What carrying a lost robot over `silent_s` may add to the error of its position, m.
+    ///
+    /// It is carried from its last good pose along the commands since. What earlier ones had still to
+    /// travel there comes on top of those, and the doubt of the direction is one over both.
     pub fn lost_m(&self, silent_s: f64) -> f64 {
-        let driven_m = self.speed_mps * (silent_s + self.bounds.late_s());
-        driven_m * (self.spread() + self.bounds.turn_rate_radps * silent_s)
+        let pending_m = self.speed_mps * self.bounds.late_s();
+        let driven_m = self.speed_mps * silent_s + pending_m;
+        pending_m + driven_m * (self.spread() + self.bounds.turn_rate_radps * silent_s)
     }
 
     /// The bounds.
