@@ -112,10 +112,13 @@ struct Law {
     /// and what disturbances add.
     untrusted_m: f64,
     lost_m: f64,
-    /// Largest radius of the fleet, m, and how far at most a robot may be from where it is seen, m: of
-    /// this period's states.
+    /// Largest radius of the fleet, m, and how far at most a robot of ours may be from where it is seen,
+    /// m: of this period's states.
     largest_radius_m: f64,
     unknown_m: f64,
+    /// Indices of the robots that everybody looks at however far: those that are not ours, and one of
+    /// ours that may be anywhere. What is not known of these few would have all look at the whole fleet.
+    strangers: Vec<usize>,
 }
 
 impl Law {
@@ -136,6 +139,7 @@ impl Law {
             lost_m: 0.0,
             largest_radius_m: 0.0,
             unknown_m: 0.0,
+            strangers: Vec::with_capacity(robots),
             foreign_speed_mps: (0..robots)
                 .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
                 .collect(),
@@ -154,11 +158,27 @@ impl Law {
         self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
         let largest = |of: fn(&RobotState) -> f64| fleet.iter().map(of).fold(0.0f64, f64::max);
-        let foreign = self.foreign_speed_mps.iter().flatten().copied().fold(0.0f64, f64::max);
-        let unseen = largest(|robot| robot.uncertainty_m);
         self.largest_radius_m = largest(|robot| robot.radius_m);
         let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
-        self.unknown_m = self.untrusted_m.max(unseen + way_m.max(self.foreign_s * foreign)) + self.lost_m;
+        let unseen_m = self.find_strangers(fleet);
+        self.unknown_m = self.untrusted_m.max(unseen_m + way_m) + self.lost_m;
+    }
+
+    /// Lists the strangers of this period; the largest uncertainty of the others, m.
+    fn find_strangers(&mut self, fleet: &[RobotState]) -> f64 {
+        self.strangers.clear();
+        let (mut unseen_m, mut nowhere) = (0.0f64, false);
+        for (index, robot) in fleet.iter().enumerate().filter(|(_, robot)| !robot.has(state_flags::VACANT)) {
+            let foreign = self.foreign_speed_mps[index].is_some();
+            // One that may be anywhere stops all; a second one changes nothing.
+            let first = !robot.uncertainty_m.is_finite() && !std::mem::replace(&mut nowhere, true);
+            if foreign || first {
+                self.strangers.push(index);
+            } else if robot.uncertainty_m.is_finite() {
+                unseen_m = unseen_m.max(robot.uncertainty_m);
+            }
+        }
+        unseen_m
     }
 
     /// κ of the commands; 0 without disturbances.
@@ -181,13 +201,25 @@ impl Law {
         margin.reach(robot.uncertainty_m, robot.command())
     }
 
-    /// How far a robot of this radius looks: for every row that can bind, and for the guidance.
-    fn sight(&self, radius_m: f64) -> Sight {
-        let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
+    /// How far a robot of this radius looks for a stranger, m: to where its row can bind.
+    fn sight_of_m(&self, radius_m: f64, index: usize, stranger: &RobotState) -> f64 {
+        let moved_m = self.foreign_speed_mps[index].map_or(0.0, |speed_mps| self.foreign_s * speed_mps);
+        let required = self.limits.safety_margin_m + radius_m + stranger.radius_m;
+        self.rows_m(required + stranger.uncertainty_m + moved_m)
+    }
+
+    /// How far from a robot a row that keeps `required_m` can bind, m.
+    fn rows_m(&self, required_m: f64) -> f64 {
         let rate = self.control.gamma.min(self.control.comfort_gamma);
         let extent = self.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
         let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
-        let rows_m = activation_m(required + self.unknown_m + extent, speed_mps, self.period_s, rate, 0.5);
+        activation_m(required_m + extent, speed_mps, self.period_s, rate, 0.5)
+    }
+
+    /// How far a robot of this radius looks: for every row that can bind, and for the guidance.
+    fn sight(&self, radius_m: f64) -> Sight {
+        let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
+        let rows_m = self.rows_m(required + self.unknown_m);
         let printed_m = (required * required + printed::ACTIVATION_M2).sqrt();
         let all_m = if self.control.profile == Profile::Paper { rows_m.max(printed_m) } else { rows_m };
         Sight { all_m, nearest_m: self.guidance.sight_m, nearest: guidance::NEIGHBOURS_MAX }
@@ -406,5 +438,47 @@ impl RobotGroup {
         self.workspace.around.build(&self.predicted);
         self.workspace.predictions.begin();
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+
+    /// One robot that is not ours, far away and long unseen, is heeded by all, and makes none of them
+    /// look farther for the others.
+    #[test]
+    fn a_stranger_is_heeded_from_afar_and_enlarges_nobodys_sight() {
+        let mut scenario = Scenario::builtin("swap8").unwrap();
+        scenario.robots[0].foreign_speed_mps = Some(0.5);
+        let mut fleet: Vec<_> = scenario.robots.iter().map(RobotState::at_start).collect();
+        fleet.iter_mut().for_each(|robot| robot.flags |= state_flags::VALID);
+        (fleet[0].x_m, fleet[0].y_m) = (500.0, 0.0);
+        let config = Config::new(scenario);
+        let decide = |fleet: &[RobotState]| {
+            let mut group = RobotGroup::new(&config, 0..fleet.len()).unwrap();
+            let mut speeds = Vec::new();
+            group.solve(fleet, Timing::default(), |_, decision| speeds.push(decision.command.v_mps));
+            (group.law.sight(0.2).all_m, speeds.split_off(1))
+        };
+        let (sight_m, speeds) = decide(&fleet);
+        assert!(speeds.iter().any(|v_mps| *v_mps > 0.0), "{speeds:?}");
+        for uncertainty_m in [300.0, 600.0, f64::INFINITY] {
+            fleet[0].uncertainty_m = uncertainty_m;
+            let (unseen_m, stopped) = decide(&fleet);
+            assert_eq!(unseen_m, sight_m);
+            if uncertainty_m > 500.0 {
+                assert!(stopped.iter().all(|v_mps| *v_mps == 0.0), "{uncertainty_m}: {stopped:?}");
+            } else {
+                assert_eq!(stopped, speeds);
+            }
+        }
+        // So it is with one of ours that may be anywhere.
+        (fleet[0].uncertainty_m, fleet[1].uncertainty_m) = (0.0, f64::INFINITY);
+        fleet[1].flags &= !state_flags::VALID;
+        let (unseen_m, stopped) = decide(&fleet);
+        assert_eq!(unseen_m, sight_m);
+        assert!(stopped.iter().all(|v_mps| *v_mps == 0.0), "{stopped:?}");
     }
 }

@@ -100,6 +100,22 @@ impl Neighbourhood {
         &self.list
     }
 
+    /// Lists one more robot, in its place, if it is within `range_m` of robot `me` and not listed yet.
+    pub fn add(&mut self, fleet: &[RobotState], me: usize, index: usize, range_m: f64) {
+        let distance_m = (fleet[index].position_m() - fleet[me].position_m()).norm_squared().sqrt();
+        let new = Nearby { distance_m, id: fleet[index].id, index };
+        if index == me || distance_m > range_m || self.list.iter().any(|n| n.index == index) {
+            return;
+        }
+        let before = |n: &Nearby| n.distance_m.total_cmp(&distance_m).then(n.id.cmp(&new.id)).is_lt();
+        self.list.insert(self.list.partition_point(before), new);
+    }
+
+    /// The robots that are listed, nearest first.
+    pub fn list(&self) -> &[Nearby] {
+        &self.list
+    }
+
     /// Lists the robots within `range_m`, in any order.
     fn within(&mut self, around: &Surroundings, fleet: &[RobotState], me: usize, range_m: f64) {
         let here = fleet[me].position_m();
@@ -139,6 +155,15 @@ mod tests {
         let ids: Vec<u32> = gathered(&fleet, 1, reach, 0.0).iter().map(|n| n.id).collect();
         assert_eq!(ids, [7, 4, 9]);
         assert!(gathered(&fleet, 4, reach, 0.0).is_empty());
+        // One more from farther away, once, in its place, and nobody who is too far or oneself.
+        let mut around = Surroundings::with_capacity(fleet.len(), 1.0);
+        around.build(&fleet);
+        let mut near = Neighbourhood::with_capacity(fleet.len());
+        near.gather(&around, &fleet, 1, Sight { all_m: 0.6, nearest_m: 0.6, nearest: 0 }, 0.0);
+        for (index, range_m) in [(4, f64::INFINITY), (2, 1.0), (2, 1.0), (0, 0.9), (1, 9.0), (3, 9.0)] {
+            near.add(&fleet, 1, index, range_m);
+        }
+        assert_eq!(near.list().iter().map(|n| n.id).collect::<Vec<_>>(), [7, 4, 5]);
         // A free place is nobody.
         let mut fleet = fleet;
         fleet[0] = RobotState::vacant();
