@@ -11,7 +11,7 @@ use super::findings::Findings;
 use super::forecast::Forecast;
 use super::progress::Progress;
 use super::statistics::Statistics;
-use super::threads::{Common, poll_interval, record_capacity};
+use super::threads::{Common, HELD_BESIDE, poll_interval, record_capacity};
 use super::truth::Truth;
 use super::watchdog::Change;
 use crate::audit::Auditor;
@@ -82,7 +82,7 @@ impl Housekeeper {
             checkpoints: node.writer(robots)?,
             node,
             periods,
-            answers: Answers::new(robots, solves.len(), record_capacity(config) + 2),
+            answers: Answers::new(robots, solves.len(), record_capacity(config) + HELD_BESIDE),
             solves,
             board: Arc::clone(&common.board),
             accumulator: Accumulator::with_places(&config.scenario, robots, period_s)

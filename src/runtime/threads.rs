@@ -17,7 +17,7 @@ use crate::realtime::{Role, Seat, ThreadGrant, enter};
 use crate::schedule::{Schedule, TICK_MAX};
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{RobotCommand, RobotState, RobotTelemetry, StopReason};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, RobotTelemetry, StopReason};
 
 /// Periods between the go and period 0, so that every thread is asleep when it starts.
 const LEAD_PERIODS: u64 = 2;
@@ -195,14 +195,23 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
 const RECORDS_BYTES: usize = 256 << 20;
 /// Records that telemetry keeps however large the fleet is.
 const RECORDS_MIN: usize = 4;
+/// Periods beyond these that housekeeping holds.
+pub(super) const HELD_BESIDE: usize = 2;
+
+/// What a place takes in each record: in the loop's, in those of the workers, whose rooms together are
+/// half as many again as the places, and in what housekeeping puts together from them.
+const PLACE_BYTES: usize = {
+    let answer = size_of::<RobotTelemetry>() + size_of::<RobotCheckpoint>();
+    let solved = size_of::<(usize, RobotTelemetry)>() + size_of::<(usize, RobotCheckpoint)>();
+    size_of::<RobotState>() + size_of::<RobotCommand>() + answer + solved + solved / 2
+};
 
 /// Records that telemetry keeps: what is configured, and at least half a second's worth; of a large
 /// fleet as many as fit into [`RECORDS_BYTES`].
 pub(super) fn record_capacity(config: &Config) -> usize {
     let half_second = 500_000_000 / config.timing.period_ns.max(1);
     let wanted = config.telemetry.queue_periods.max(usize::try_from(half_second).unwrap_or(usize::MAX));
-    let robot = size_of::<RobotState>() + size_of::<RobotCommand>() + size_of::<RobotTelemetry>();
-    let fit = RECORDS_BYTES / (robot * config.scenario.robots.len().max(1));
+    let fit = (RECORDS_BYTES / (PLACE_BYTES * config.places().max(1))).saturating_sub(HELD_BESIDE);
     wanted.min(fit.max(RECORDS_MIN))
 }
 
@@ -210,4 +219,32 @@ pub(super) fn record_capacity(config: &Config) -> usize {
 pub(super) fn poll_interval(config: &Config) -> Duration {
     Duration::from_nanos(config.timing.period_ns / 2)
         .clamp(Duration::from_millis(1), Duration::from_millis(20))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn records_of_every_place_fit_into_their_memory() {
+        let mut config = Config::new(Scenario::builtin("swap8").unwrap());
+        config.telemetry.queue_periods = 65_536;
+        for places in [8, 1000, 20_000, 131_072] {
+            config.admin.capacity = places;
+            assert_eq!(config.places(), places);
+            let records = record_capacity(&config);
+            // For every second place: three in the workers' rooms.
+            let (period, solved) = (PeriodRecord::with_robots(2), SolveRecord::with_room(3));
+            let two = size_of_val(&*period.states)
+                + size_of_val(&*period.commands)
+                + solved.robots.capacity() * size_of::<(usize, RobotTelemetry)>()
+                + solved.checkpoints.capacity() * size_of::<(usize, RobotCheckpoint)>()
+                + 2 * (size_of::<RobotTelemetry>() + size_of::<RobotCheckpoint>());
+            let bytes = places / 2 * two;
+            let fits = (records + HELD_BESIDE) * bytes <= RECORDS_BYTES;
+            assert!(fits || records == RECORDS_MIN, "{places}: {records} of {bytes}");
+            assert!(!fits || (records + HELD_BESIDE + 1) * bytes > RECORDS_BYTES, "{places}: room for more");
+        }
+    }
 }
