@@ -21,32 +21,64 @@ pub struct Nearby {
     pub index: usize,
 }
 
-/// A fleet's positions, sorted by place.
+/// A fleet's positions, sorted by place. Free places are nowhere.
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     grid: Grid,
-    /// In the grid's order.
+    /// Indices of the places that are taken, as the grid got them.
+    taken: Vec<u32>,
+    /// Indices of the robots, in the grid's order.
+    sorted: Vec<u32>,
+    /// Where they are.
     positions_m: Vec<Vec2>,
+    /// As `sorted`, with the free places spread among them.
+    order: Vec<u32>,
 }
 
 impl Surroundings {
     /// With room for a fleet of `robots` and cells of `cell_m`: best about half of the usual reach.
     pub fn with_capacity(robots: usize, cell_m: f64) -> Self {
-        Self { grid: Grid::with_capacity(robots, cell_m), positions_m: Vec::with_capacity(robots) }
+        let indices = || Vec::with_capacity(robots);
+        Self {
+            grid: Grid::with_capacity(robots, cell_m),
+            taken: indices(),
+            sorted: indices(),
+            positions_m: Vec::with_capacity(robots),
+            order: indices(),
+        }
     }
 
     /// Takes in where the robots are.
     ///
     /// A fleet larger than the capacity would allocate; the controller never passes one.
     pub fn build(&mut self, fleet: &[RobotState]) {
-        self.grid.build(fleet.iter().map(RobotState::position_m));
+        let is_free = |robot: &RobotState| robot.has(state_flags::VACANT);
+        self.taken.clear();
+        self.taken.extend((0u32..).zip(fleet).filter(|(_, robot)| !is_free(robot)).map(|(index, _)| index));
+        self.grid.build(self.taken.iter().map(|i| fleet[*i as usize].position_m()));
+        self.sorted.clear();
+        self.sorted.extend(self.grid.order().iter().map(|at| self.taken[*at as usize]));
         self.positions_m.clear();
-        self.positions_m.extend(self.grid.order().iter().map(|i| fleet[*i as usize].position_m()));
+        self.positions_m.extend(self.sorted.iter().map(|i| fleet[*i as usize].position_m()));
+        // Spread evenly, so that parts of equal length have equally many robots.
+        let mut free = (0u32..).zip(fleet).filter(|(_, robot)| is_free(robot)).map(|(index, _)| index);
+        let (mut robots, mut passed) = (self.sorted.iter().copied(), 0);
+        self.order.clear();
+        self.order.extend((0..fleet.len()).filter_map(|_| {
+            passed += self.taken.len();
+            if passed >= fleet.len() {
+                passed -= fleet.len();
+                robots.next()
+            } else {
+                free.next()
+            }
+        }));
     }
 
-    /// Indices of the robots in the order of their places: who is near in it is near on the ground.
+    /// Indices of all places in the order of the ground: whose robots are near in it are near there. Free
+    /// places are spread among them.
     pub fn order(&self) -> &[u32] {
-        self.grid.order()
+        &self.order
     }
 }
 
@@ -122,10 +154,10 @@ impl Neighbourhood {
         let list = &mut self.list;
         list.clear();
         around.grid.near(here, range_m, |range| {
-            for (position_m, index) in around.positions_m[range.clone()].iter().zip(&around.order()[range]) {
+            for (position_m, index) in around.positions_m[range.clone()].iter().zip(&around.sorted[range]) {
                 let squared = (position_m - here).norm_squared();
                 let index = *index as usize;
-                if squared <= range_m * range_m && index != me && !fleet[index].has(state_flags::VACANT) {
+                if squared <= range_m * range_m && index != me {
                     list.push(Nearby { distance_m: squared.sqrt(), id: fleet[index].id, index });
                 }
             }
@@ -169,6 +201,29 @@ mod tests {
         fleet[0] = RobotState::vacant();
         let ids: Vec<u32> = gathered(&fleet, 1, reach, 0.0).iter().map(|n| n.id).collect();
         assert_eq!(ids, [7, 4]);
+    }
+
+    #[test]
+    fn free_places_are_in_no_cell_and_evenly_spread_in_the_order() {
+        // Free places first, and all at the origin, where the robots are as well.
+        let mut fleet = vec![RobotState::vacant(); 90];
+        fleet.extend((0..10).map(|k| at(k, 0.01 * f64::from(k), 0.0)));
+        let mut around = Surroundings::with_capacity(fleet.len(), 1.0);
+        around.build(&fleet);
+        assert_eq!((around.grid.order().len(), around.sorted.len()), (10, 10));
+        let mut places = around.order().to_vec();
+        for part in places.chunks(20) {
+            assert_eq!(part.iter().filter(|index| **index >= 90).count(), 2, "{places:?}");
+        }
+        places.sort_unstable();
+        assert!(places.into_iter().eq(0..100));
+        let sight = Sight { all_m: 9.0, nearest_m: 9.0, nearest: 0 };
+        assert_eq!(gathered(&fleet, 95, sight, 0.0).len(), 9);
+        // Without free places it is the order of the cells.
+        around.build(&fleet[90..]);
+        assert_eq!(around.order(), around.grid.order());
+        around.build(&[RobotState::vacant(); 3]);
+        assert_eq!(around.order(), [0, 1, 2]);
     }
 
     proptest! {
