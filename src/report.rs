@@ -32,6 +32,8 @@ pub struct Report {
     pub period_ns: u64,
     /// Periods that were released.
     pub ticks: u64,
+    /// Of these, the periods whose commands went out; those of the others came too late and did not.
+    pub published_periods: u64,
     /// Periods that passed as a whole because the loop overran.
     pub skipped_periods: u64,
     /// Periods, skipped ones included, for which a command was missing or late.
@@ -51,6 +53,7 @@ pub struct Report {
     pub state_to_staged_ns: LatencyNs,
     /// From the stamp of the state to the commands being published, ns. At the latest the
     /// deadline: the period less its margin; always that when commands are published at the deadline.
+    /// Of the periods whose commands went out.
     pub state_to_command_ns: LatencyNs,
     /// From the deadline to the commands being published, ns.
     pub deadline_lateness_ns: LatencyNs,
@@ -98,12 +101,21 @@ impl Report {
         let every_period = [
             ("release lateness", &self.release_lateness_ns),
             ("state published", &self.state_publish_ns),
-            ("state to command", &self.state_to_command_ns),
             ("deadline lateness", &self.deadline_lateness_ns),
         ];
         for (name, times) in every_period {
             check(times.count == self.ticks, &format!("one {name} a period"), times.count, self.ticks);
         }
+        let (commanded, published) = (self.state_to_command_ns.count, self.published_periods);
+        check(commanded == published, "one state to command a published period", commanded, published);
+        check(published <= self.ticks, "published and all periods", published, self.ticks);
+        let unpublished = self.ticks.saturating_sub(published);
+        check(
+            unpublished <= self.deadline_misses,
+            "unpublished and missed",
+            unpublished,
+            self.deadline_misses,
+        );
         let answers = self.ticks * self.workers as u64;
         check(
             self.state_to_worker_ns.count <= answers,
@@ -137,8 +149,10 @@ impl Report {
             let answered = self.state_to_worker_ns.count;
             check(answered == answers, "every worker answered", answered, answers);
         }
-        for (name, times) in
-            every_period.into_iter().chain([("solve", &self.solve_ns), ("step", &self.step_ns)])
+        for (name, times) in every_period
+            .into_iter()
+            .chain([("state to command", &self.state_to_command_ns)])
+            .chain([("solve", &self.solve_ns), ("step", &self.step_ns)])
         {
             let ordered = [times.p50, times.p99, times.p999, times.max].is_sorted();
             check(ordered, &format!("percentiles of {name}"), times.p50, times.max);

@@ -34,6 +34,7 @@ impl Findings {
             workers,
             period_ns: config.timing.period_ns,
             ticks: statistics.ticks,
+            published_periods: statistics.published,
             skipped_periods: statistics.skipped_periods,
             deadline_misses: statistics.deadline_misses,
             fallback_commands: statistics.fallback_commands,

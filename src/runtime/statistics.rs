@@ -18,6 +18,7 @@ pub(super) struct Statistics {
     pub(super) period_s: f64,
     pub(super) last: TelemetryHeader,
     pub(super) ticks: u64,
+    pub(super) published: u64,
     pub(super) skipped_periods: u64,
     pub(super) deadline_misses: u64,
     pub(super) fallback_commands: u64,
@@ -58,6 +59,7 @@ impl Statistics {
             period_s,
             last: TelemetryHeader::default(),
             ticks: 0,
+            published: 0,
             skipped_periods: 0,
             deadline_misses: 0,
             fallback_commands: 0,
@@ -107,7 +109,10 @@ impl Statistics {
         self.fallback_commands += header.fallback_commands;
         self.release_lateness.record(header.release_lateness_ns);
         self.state_publish.record(header.state_publish_ns);
-        self.state_to_command.record(header.state_to_command_ns);
+        if period.published {
+            self.state_to_command.record(header.state_to_command_ns);
+            self.published += 1;
+        }
         self.deadline_lateness.record(header.deadline_lateness_ns);
         self.rejections = period.rejections;
         self.send_failures = period.send_failures;
