@@ -128,15 +128,14 @@ proptest! {
         }
     }
 
-    /// A stop is admissible at every state, and what it leaves only shrinks.
+    /// No rate is negative, and a robot that stands is where it is seen but for the noise.
     #[test]
-    fn stop_is_always_admissible_and_reach_without_motion_is_the_noise(
+    fn rates_are_not_negative_and_reach_without_motion_is_the_noise(
         bounds in any_bounds(), along in -1.0..1.0f64, gap in -1.0..1.0f64, blind in 0.0..2.0f64,
     ) {
         let margin = Margin::new(bounds, &Limits::default(), 0.08, 0.08);
         let rate = margin.approach(along, gap, blind);
         prop_assert!(rate.forward >= 0.0 && rate.backward >= 0.0);
-        prop_assert!(rate.forward * 0.0 <= budget_m(gap, 1.0, 0.5));
         prop_assert_eq!(margin.reach(0.0, Command::STOP).extent_m(), bounds.position_m);
     }
 }

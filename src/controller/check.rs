@@ -92,10 +92,60 @@ fn keeps_clear(arc: &Arc, body: &Body, budget_m: f64, period_s: f64) -> bool {
 mod tests {
     use super::*;
     use crate::certificate::barrier::approach_exact;
+    use crate::config::Config;
+    use crate::controller::Timing;
     use crate::geometry::{Pose, wrap};
+    use crate::model::Disturbance;
+    use crate::scenario::Scenario;
+    use crate::wire::state_flags;
     use proptest::prelude::*;
 
     proptest! {
+        /// At whatever states, overlapping, unseen and foreign ones included, turning on the spot passes;
+        /// driving at full speed towards one that touches does not.
+        #[test]
+        fn a_stop_passes_at_every_state_and_a_drive_into_contact_at_none(
+            poses in prop::collection::vec((-2.0..2.0f64, -2.0..2.0f64, -3.1..3.1f64, 0.0..5.0f64, any::<bool>()), 8),
+            doubts in prop::collection::vec(prop_oneof![3 => 0.0..0.5f64, 1 => Just(f64::INFINITY)], 8),
+            bounds in (0.0..0.1f64, 0.0..0.2f64, 0.0..0.2f64, 0.0..0.3f64, 0.0..0.15f64, 0.0..0.08f64),
+            foreign in 0..8usize, turn in -1.0..1.0f64, exact in any::<bool>(),
+        ) {
+            let mut scenario = Scenario::builtin("swap8").unwrap();
+            scenario.robots[foreign].foreign_speed_mps = Some(0.5);
+            let mut config = Config::new(scenario);
+            if !exact {
+                let (position_m, heading_rad, slip, turn_rate_radps, lag_s, delay_s) = bounds;
+                config.robust = Disturbance { position_m, heading_rad, slip, turn_rate_radps, lag_s, delay_s };
+            }
+            let mut fleet: Vec<_> = config.scenario.robots.iter().map(RobotState::at_start).collect();
+            for ((robot, pose), doubt_m) in fleet.iter_mut().zip(&poses).zip(&doubts) {
+                robot.set_pose(Pose::new(pose.0, pose.1, pose.2));
+                (robot.v_mps, robot.uncertainty_m) = (pose.3, *doubt_m);
+                robot.flags |= if pose.4 { state_flags::VALID } else { 0 };
+            }
+            let mut law = Law::new(&config);
+            law.prepare(&fleet, Timing::default());
+            for me in 0..fleet.len() {
+                let others = (0..fleet.len()).filter(|index| *index != me);
+                let near: Vec<Nearby> = others.map(|index| Nearby {
+                    distance_m: (fleet[index].position_m() - fleet[me].position_m()).norm(),
+                    id: fleet[index].id,
+                    index,
+                }).collect();
+                let stop = Command { v_mps: 0.0, omega_radps: turn * law.limits.turn_rate_radps() };
+                prop_assert!(is_safe(&law, &fleet, me, &near, stop), "{me}");
+                let mut touching = fleet.clone();
+                let other = (me + 1) % touching.len();
+                let ahead = fleet[me].pose();
+                let p = ahead.position_m + ahead.heading() * 0.1;
+                touching[other].set_pose(Pose::new(p.x, p.y, 0.0));
+                let near = [Nearby { distance_m: 0.1, id: fleet[other].id, index: other }];
+                let drive = Command { v_mps: law.limits.v_max_mps, omega_radps: 0.0 };
+                prop_assert!(!is_safe(&law, &touching, me, &near, drive), "{me}");
+                prop_assert!(is_safe(&law, &touching, me, &near, stop), "{me}");
+            }
+        }
+
         /// The line and the closed form draw the same border, from both sides.
         #[test]
         fn check_agrees_with_the_closed_form_and_refuses_just_beyond_it(
