@@ -3,8 +3,8 @@
 use super::Config;
 use super::read::Written;
 use crate::document::{Document, ErrorKind, Place, Problem};
-use crate::geometry::Vec2;
-use crate::model::{Disturbance, Limits};
+use crate::geometry::{Grid, Vec2};
+use crate::model::{Disturbance, Limits, RobotSpec};
 
 /// Largest spread of a command with which a robot still leaves a contact, m/m.
 const SPREAD_MAX: f64 = 0.9;
@@ -124,17 +124,34 @@ fn crowded(config: &Config) -> Option<Fault> {
             ),
         )
     };
+    // As far as any two have to keep apart, and the rounding of the cells.
+    let largest_m = robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
+    let reach_m = scenario.limits.safety_margin_m + 2.0 * (largest_m + noise_m) + 1e-6;
+    let places: [(&str, fn(&RobotSpec) -> Vec2); 2] =
+        [("starts", |robot| robot.start.position_m), ("goals", |robot| robot.goal_m)];
+    let grids = places.map(|(what, place)| {
+        let mut grid = Grid::with_capacity(robots.len(), reach_m);
+        grid.build(robots.iter().map(place));
+        (what, place, grid)
+    });
+    let mut near: Vec<(usize, usize)> = Vec::new();
     for j in 0..robots.len() {
-        for i in 0..j {
+        // In the order of the pairs, starts before goals.
+        near.clear();
+        for (kind, (_, place, grid)) in grids.iter().enumerate() {
+            grid.near(place(&robots[j]), reach_m, |range| {
+                let earlier = grid.order()[range].iter().map(|i| *i as usize).filter(|i| *i < j);
+                near.extend(earlier.map(|i| (i, kind)));
+            });
+        }
+        near.sort_unstable();
+        for &(i, kind) in &near {
             let keep_m = scenario.required_distance_m(i, j) + 2.0 * noise_m;
-            let apart = |p: Vec2, q: Vec2| (p - q).norm();
-            let starts = apart(robots[i].start.position_m, robots[j].start.position_m);
-            let goals = apart(robots[i].goal_m, robots[j].goal_m);
-            for (what, d) in [("starts", starts), ("goals", goals)] {
-                if too_close(d, keep_m) {
-                    let what = format!("the {what} of robots {} and {}", robots[i].id, robots[j].id);
-                    return Some(fault(what, d, keep_m));
-                }
+            let (what, place, _) = &grids[kind];
+            let d = (place(&robots[i]) - place(&robots[j])).norm();
+            if too_close(d, keep_m) {
+                let what = format!("the {what} of robots {} and {}", robots[i].id, robots[j].id);
+                return Some(fault(what, d, keep_m));
             }
         }
         for (k, obstacle) in scenario.obstacles.iter().enumerate() {
