@@ -33,6 +33,13 @@ impl Remaining {
         w.commanded_mps * self.delay_s + w.speed_mps * self.lag_s
     }
 
+    /// Somebody else, at rest, is robot `index` from now on.
+    pub fn reset(&mut self, index: usize) {
+        if let Some(wheels) = self.robots.get_mut(index) {
+            *wheels = Wheels::default();
+        }
+    }
+
     /// A period passes in which robot `index` holds `command`.
     pub fn hold(&mut self, index: usize, command: Command) {
         let (delay_s, acted_s) = (self.delay_s, self.period_s - self.delay_s);

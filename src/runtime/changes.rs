@@ -47,12 +47,10 @@ impl<C: Clock> ControlLoop<C> {
     /// A robot that may come closer to a new one than it may, before it knows of it: the commands that
     /// act over this period are out already.
     fn too_close(&self, robot: &RobotSpec, margin_m: f64) -> Option<u32> {
-        let period_s = self.schedule.period_ns() as f64 * 1e-9;
         let mut others = self.memory.states.iter().filter(|state| !state.has(state_flags::VACANT));
         let reaches = |other: &&RobotState| {
             let apart_m = (other.position_m() - robot.start.position_m).norm();
-            let driven_m = other.v_mps.abs() * period_s + other.uncertainty_m;
-            apart_m < margin_m + robot.radius_m + other.radius_m + driven_m
+            apart_m < margin_m + robot.radius_m + other.radius_m + self.memory.room.way_m(other)
         };
         others.find(reaches).map(|other| other.id)
     }
@@ -83,12 +81,15 @@ impl<C: Clock> ControlLoop<C> {
 
 impl super::control_loop::LoopMemory {
     /// Puts somebody else, at rest, or nobody into a place.
-    fn replace(&mut self, place: usize, mut state: RobotState, reason: StopReason) {
+    pub(super) fn replace(&mut self, place: usize, mut state: RobotState, reason: StopReason) {
         let (Some(slot), Some(command), Some(intent)) =
             (self.states.get_mut(place), self.commands.get_mut(place), self.intents.get_mut(place))
         else {
             return;
         };
+        if let Some(remaining) = &mut self.remaining {
+            remaining.reset(place);
+        }
         state.set_command(Command::STOP);
         *command = RobotCommand::stop(state.robot(), reason);
         (*slot, *intent) = (state, RobotIntent::default());

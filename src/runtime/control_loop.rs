@@ -3,11 +3,12 @@ use std::sync::Arc;
 use super::board::Board;
 use super::desk::Desk;
 use super::event_count::{SPIN_LEAD_NS, Waiting};
+use super::room::Room;
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
-use crate::config::{PublishAt, Wakeup};
+use crate::config::{Config, PublishAt, Wakeup};
 use crate::disturbance::Remaining;
-use crate::model::{Command, Disturbance, Limits, RobotId};
+use crate::model::{Command, Limits, RobotId};
 use crate::schedule::Schedule;
 use crate::source::{Instant, StateSource};
 use crate::telemetry::{PeriodRecord, Pool};
@@ -62,7 +63,9 @@ pub(super) struct LoopMemory {
     /// The period in which `commands` act, if they went out.
     committed: Option<u64>,
     /// What robots may still travel on earlier commands; `None` when the rows allow for nothing.
-    remaining: Option<Remaining>,
+    pub(super) remaining: Option<Remaining>,
+    /// What a new robot has to keep clear of.
+    pub(super) room: Room,
     /// The first period that `remaining` does not know.
     counted_to: u64,
     send_failures: u64,
@@ -84,21 +87,22 @@ impl LoopMemory {
             refusals: 0,
             committed: None,
             remaining: None,
+            room: Room::default(),
             counted_to: 0,
             send_failures: 0,
         }
     }
 
     /// Keeps count of what robots may still travel on commands that act late, within `bounds`.
-    pub(super) fn allowing_for(self, bounds: &Disturbance, period_s: f64) -> Self {
-        let robots = self.states.len();
+    pub(super) fn allowing_for(self, config: &Config) -> Self {
+        let (robots, bounds, period_s) = (self.states.len(), &config.robust, config.timing.period_s());
         let remaining = (!bounds.is_none()).then(|| Remaining::new(robots, bounds, period_s));
-        Self { remaining, ..self }
+        Self { remaining, room: Room::new(config), ..self }
     }
 
     /// Tells the states what is left to travel at the start of `tick`, and counts the commands that
     /// they hold over it.
-    fn count_travel(&mut self, tick: u64) {
+    pub(super) fn count_travel(&mut self, tick: u64) {
         let Some(remaining) = &mut self.remaining else { return };
         // Of the periods since the last one only the first can have had commands; nothing is left
         // after some dozens without.
@@ -221,8 +225,9 @@ impl<C: Clock> ControlLoop<C> {
             state.intent = if in_force { *intent } else { resting(intent) };
         }
         self.source.observe(instant, &mut memory.states);
-        self.carry_out(tick, instant.now_ns);
+        // Who is added has to keep clear of what others still travel.
         self.memory.count_travel(tick);
+        self.carry_out(tick, instant.now_ns);
         let held = self.memory.hold;
         for state in &mut self.memory.states {
             let arrived = (state.position_m() - state.goal_m()).norm() <= self.tolerance_m;

@@ -36,6 +36,7 @@ mod forecast;
 mod housekeeping;
 mod progress;
 mod regions;
+mod room;
 mod staging;
 mod starting;
 mod statistics;

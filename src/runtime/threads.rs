@@ -142,7 +142,7 @@ pub(super) fn loop_thread(
         wakeup,
         records,
         desk: Arc::clone(&common.desk),
-        memory: LoopMemory::new(common.first_states()).allowing_for(&config.robust, config.timing.period_s()),
+        memory: LoopMemory::new(common.first_states()).allowing_for(config),
     };
     Some(control_loop.run())
 }
