@@ -38,6 +38,7 @@ mod error;
 mod node;
 mod reader;
 mod record;
+mod remains;
 mod writer;
 
 pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};

@@ -1,6 +1,7 @@
+use std::collections::BTreeSet;
 use std::fmt::Debug;
 
-use iceoryx2::node::NodeView;
+use iceoryx2::node::{DeadNodeView, NodeCleanupFailure, NodeDetails, NodeView};
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::{
@@ -14,7 +15,7 @@ use iceoryx2::service::port_factory::request_response::PortFactory as AdminServi
 
 use super::admin::{self, AdminPort, AdminServer};
 use super::error::SHARED_MEMORY;
-use super::{Channel, ChannelError, Owner, Reader, Record, Writer};
+use super::{Channel, ChannelError, Owner, Reader, Record, Writer, remains};
 use crate::config::{ChannelConfig, is_fleet_name};
 use crate::wire::{
     AdminAnswer, AdminRequest, AdminRobot, RobotCheckpoint, RobotCommand, RobotObservation, RobotState,
@@ -42,7 +43,7 @@ fn sample_bytes<R: Record>(robots: usize) -> usize {
 pub struct Transport {
     fleet: String,
     settings: ChannelConfig,
-    iceoryx: Config,
+    pub(super) iceoryx: Config,
 }
 
 impl Transport {
@@ -320,8 +321,36 @@ impl Attachment {
     /// Removes what processes that died left behind: 0.1 ms when there is nothing, about 1 ms for
     /// each. Not for real-time threads.
     pub fn clean_up(&self) -> CleanUp {
-        let state = self.node.try_cleanup_dead_nodes();
-        CleanUp { removed: state.cleanups, failed: state.failed_cleanups }
+        let iceoryx = &self.transport.iceoryx;
+        let (mut known, mut dead) = (BTreeSet::new(), Vec::new());
+        let listed = Node::<ipc::Service>::list(iceoryx, |node| {
+            known.insert(node.node_id().value());
+            if let NodeState::Dead(node) = node {
+                dead.push(node);
+            }
+            CallbackProgression::Continue
+        });
+        let mut done = CleanUp::default();
+        for node in dead {
+            remains::remove_unfinished(iceoryx, node.id().value());
+            let removed = if node.details().is_some() {
+                node.try_remove_stale_resources()
+            } else {
+                // iceoryx2 alone would look where its own default configuration says.
+                let details = NodeDetails::__internal_new(&None, iceoryx);
+                DeadNodeView::<ipc::Service>::__internal_try_remove_stale_resources(*node.id(), details)
+            };
+            match removed {
+                Ok(()) => done.removed += 1,
+                Err(NodeCleanupFailure::ResourcesAlreadyCleanedUp) => {}
+                Err(_) => done.failed += 1,
+            }
+        }
+        // Only who is not in the whole list is unknown.
+        if listed.is_ok() {
+            done.removed += remains::remove_unborn(iceoryx, &known);
+        }
+        done
     }
 
     /// Attaches to `admin` as the fleet's server, with room for `max_clients`. Makes the
