@@ -95,6 +95,7 @@ pub(super) fn admin_thread(
     shared: Shared,
     ready: &SyncSender<Result<(), DaemonError>>,
 ) {
+    let _say = SayIfPanicked;
     let prepared = (|| {
         let node = transport.attach("clearwayd-admin")?;
         let server = node.admin_server(shared.config.admin.max_clients)?;
@@ -107,6 +108,20 @@ pub(super) fn admin_thread(
         }
         Err(e) => {
             let _ = ready.send(Err(e));
+        }
+    }
+}
+
+/// Says at once that nobody answers operators any more, and not only when the run is over.
+struct SayIfPanicked;
+
+impl Drop for SayIfPanicked {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            tracing::error!(
+                "the thread that answers operators panicked: the fleet drives on, and no request is answered \
+                 until the daemon is started again; end it with a signal to stop the fleet"
+            );
         }
     }
 }
