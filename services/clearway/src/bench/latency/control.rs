@@ -47,6 +47,8 @@ pub(super) struct Controlled {
     pub(super) step: LatencyHistogram,
     /// Commands that the reader did not see.
     pub(super) missed: u64,
+    /// Commands that the reader saw when they were no longer valid: in no histogram.
+    pub(super) expired: u64,
     pub(super) refused: Vec<String>,
     pub(super) report: Report,
 }
@@ -91,6 +93,7 @@ pub(super) fn measure(
         command_to_reader: findings.histogram("command_to_reader")?,
         step: together(&steps)?,
         missed: findings.count("missed"),
+        expired: findings.count("expired"),
         refused: ready.refused,
         report,
     })
@@ -222,6 +225,7 @@ struct Watch {
     command_to_reader: LatencyHistogram,
     last: Option<u64>,
     missed: u64,
+    expired: u64,
     ended: bool,
 }
 
@@ -232,13 +236,17 @@ impl Watch {
             command_to_reader: LatencyHistogram::new().into_diagnostic()?,
             last: None,
             missed: 0,
+            expired: 0,
             ended: false,
         })
     }
 
     fn see(&mut self, header: &CommandHeader, now_ns: u64, stopping: bool) {
         // The first and the last commands of a run answer no state.
-        if header.tick > 0 && !stopping {
+        if header.tick > 0 && !stopping && now_ns >= header.valid_until_ns {
+            // Nobody may act on it any more: it is not delivered.
+            self.expired += 1;
+        } else if header.tick > 0 && !stopping {
             self.state_to_command.record(now_ns.saturating_sub(header.state_stamp_ns));
             self.command_to_reader.record(now_ns.saturating_sub(header.stamp_ns));
         }
@@ -252,6 +260,24 @@ impl Watch {
         findings.add("state_to_command", &self.state_to_command);
         findings.add("command_to_reader", &self.command_to_reader);
         findings.counts.push(("missed".to_owned(), self.missed));
+        findings.counts.push(("expired".to_owned(), self.expired));
         findings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_that_is_seen_when_it_has_expired_is_counted_and_not_timed() {
+        let mut watch = Watch::new().unwrap();
+        let header = |tick| CommandHeader { tick, valid_until_ns: 1000, ..CommandHeader::default() };
+        watch.see(&header(1), 999, false);
+        watch.see(&header(2), 1000, false);
+        watch.see(&header(4), 999, false);
+        watch.see(&header(5), 2000, true);
+        assert_eq!((watch.missed, watch.expired), (1, 1));
+        assert_eq!((watch.state_to_command.summary().count, watch.command_to_reader.summary().count), (2, 2));
     }
 }

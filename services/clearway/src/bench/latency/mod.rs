@@ -290,6 +290,7 @@ impl<'a> Bench<'a> {
             skipped_periods: releases.skipped,
             transfers_lost: other.lost + own.lost,
             commands_missed: controlled.missed,
+            commands_expired: controlled.expired,
             daemon: DaemonFigures {
                 release_lateness_ns: daemon.release_lateness_ns,
                 state_publish_ns: daemon.state_publish_ns,

@@ -157,6 +157,8 @@ pub(super) struct Measured {
     pub(super) skipped_periods: u64,
     pub(super) transfers_lost: u64,
     pub(super) commands_missed: u64,
+    /// Seen when they were no longer valid, and not timed.
+    pub(super) commands_expired: u64,
     pub(super) daemon: DaemonFigures,
     /// Upper end of each step, ns, and its count.
     pub(super) histograms: BTreeMap<&'static str, Vec<(u64, u64)>>,
@@ -248,12 +250,13 @@ impl Report {
         for run in self.loads.iter().filter(|run| run.troubled()) {
             let _ = writeln!(
                 out,
-                "\n{}: {} releases skipped, {} transfers lost, {} commands not seen,\n  in the daemon {} periods \
-                 skipped and {} deadlines missed",
+                "\n{}: {} releases skipped, {} transfers lost, {} commands not seen,\n  {} seen too late; in the \
+                 daemon {} periods skipped and {} deadlines missed",
                 run.load,
                 run.skipped_periods,
                 run.transfers_lost,
                 run.commands_missed,
+                run.commands_expired,
                 run.daemon.skipped_periods,
                 run.daemon.deadline_misses
             );
@@ -330,6 +333,7 @@ impl Measured {
             self.skipped_periods,
             self.transfers_lost,
             self.commands_missed,
+            self.commands_expired,
             self.daemon.skipped_periods,
             self.daemon.deadline_misses,
         ];
