@@ -106,6 +106,9 @@ fn micros(s: f64) -> f64 {
     (s * 1e6).round()
 }
 
+/// Where a robot of a scenario is at one end of its way.
+type PointOf = fn(&RobotSpec) -> Vec2;
+
 /// The first starts or goals that are closer than robots will dare to come.
 fn crowded(config: &Config) -> Option<Fault> {
     let (noise_m, scenario) = (config.robust.position_m, &config.scenario);
@@ -127,7 +130,7 @@ fn crowded(config: &Config) -> Option<Fault> {
     // As far as any two have to keep apart, and the rounding of the cells.
     let largest_m = robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
     let reach_m = scenario.limits.safety_margin_m + 2.0 * (largest_m + noise_m) + 1e-6;
-    let places: [(&str, fn(&RobotSpec) -> Vec2); 2] =
+    let places: [(&str, PointOf); 2] =
         [("starts", |robot| robot.start.position_m), ("goals", |robot| robot.goal_m)];
     let grids = places.map(|(what, place)| {
         let mut grid = Grid::with_capacity(robots.len(), reach_m);

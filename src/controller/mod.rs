@@ -157,8 +157,7 @@ impl Law {
         let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
         self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
-        let largest = |of: fn(&RobotState) -> f64| fleet.iter().map(of).fold(0.0f64, f64::max);
-        self.largest_radius_m = largest(|robot| robot.radius_m);
+        self.largest_radius_m = fleet.iter().map(|robot| robot.radius_m).fold(0.0f64, f64::max);
         let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
         let unseen_m = self.find_strangers(fleet);
         self.unknown_m = self.untrusted_m.max(unseen_m + way_m) + self.lost_m;
@@ -453,7 +452,9 @@ mod tests {
         let mut scenario = Scenario::builtin("swap8").unwrap();
         scenario.robots[0].foreign_speed_mps = Some(0.5);
         let mut fleet: Vec<_> = scenario.robots.iter().map(RobotState::at_start).collect();
-        fleet.iter_mut().for_each(|robot| robot.flags |= state_flags::VALID);
+        for robot in &mut fleet {
+            robot.flags |= state_flags::VALID;
+        }
         (fleet[0].x_m, fleet[0].y_m) = (500.0, 0.0);
         let config = Config::new(scenario);
         let decide = |fleet: &[RobotState]| {

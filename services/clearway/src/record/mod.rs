@@ -188,7 +188,8 @@ const FAILED: u8 = 5;
 /// Records until it is stopped; the exit status.
 pub(crate) fn run(args: &Args) -> miette::Result<u8> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    // A closed terminal too: the file is finished, and the ports are given back.
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop))
             .into_diagnostic()
             .wrap_err("signals cannot be handled")?;
