@@ -327,14 +327,17 @@ impl RobotController {
     ) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
-        // A robot that stands is where it was, whatever the noise says.
         let doubt_m = law.noise_m();
         let off_m = (here - own.goal_m()).norm();
-        self.settled = off_m <= law.tolerance_m + if self.settled { doubt_m } else { -doubt_m };
+        // A robot that stands is where it was, whatever the noise says. One that still moves may leave.
+        let stands = own.v_mps == 0.0 && own.uncertainty_m == 0.0;
+        let inside = off_m <= law.tolerance_m - doubt_m;
+        self.settled = stands && (inside || self.settled && off_m <= law.tolerance_m + doubt_m);
+        let arrived = inside || self.settled;
         if !law.control.guidance || law.control.profile == Profile::Paper {
             return Aim {
                 reference_m: self.goal_m,
-                holding: self.settled,
+                holding: arrived,
                 guidance: straight(self.goal_m, law.limits.v_max_mps),
             };
         }
@@ -358,7 +361,7 @@ impl RobotController {
             beyond_m,
             v_mps: own.v_mps,
             omega_radps: own.omega_radps,
-            arrived: self.settled,
+            arrived,
         };
         let limits = guidance::Limits {
             v_max_mps: law.limits.v_max_mps,

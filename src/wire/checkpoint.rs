@@ -5,7 +5,7 @@ pub mod checkpoint_flags {
     /// The robot's controller looked at the state of this period, and `words` is what it remembered
     /// before. Without it the worker has not answered, or its record came too late.
     pub const ANSWERED: u32 = 1;
-    /// It counts as arrived until it is seen outside of the tolerance for certain.
+    /// It stands inside the tolerance of its goal, and counts as arrived until it is seen outside for certain.
     pub const SETTLED: u32 = 1 << 1;
 }
 
