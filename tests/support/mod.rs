@@ -2,6 +2,8 @@
 //! scenario, and controllers that are simple enough to predict.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses a part")]
 
+pub mod process;
+
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};

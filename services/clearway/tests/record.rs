@@ -16,8 +16,9 @@ use clearway::runtime::{Daemon, Until};
 use clearway::scenario::Scenario;
 use clearway_record::schema::clearway as proto;
 use prost::Message;
-use recording::{Recording, channel, clearway, drive, isolated, read_independently, replay, ticks, until};
+use recording::{Recording, channel, clearway, drive, read_independently, replay, ticks};
 use rustix::process::Signal;
+use support::process::{isolated, skipped, until};
 use support::{World, config};
 
 /// Short, so that the tests are.
@@ -191,7 +192,7 @@ fn on_small_disk(world: &World, disk: &Path, more: &[&str]) -> Option<Command> {
         .arg(disk)
         .output();
     if !probe.as_ref().is_ok_and(|output| output.status.success()) {
-        eprintln!("SKIPPED: no small file system of its own: {probe:?}");
+        skipped("a full disk", &format!("no small file system of its own: {probe:?}"));
         return None;
     }
     let script = "mount -t tmpfs -o size=3m tmpfs \"$1\" && head -c 1M /dev/zero > \"$1/filler\" && shift && exec \"$@\"";
@@ -207,8 +208,8 @@ fn on_small_disk(world: &World, disk: &Path, more: &[&str]) -> Option<Command> {
 fn a_full_disk_ends_the_file_in_order_and_recording_goes_on_when_there_is_room() {
     let world = World::new("full");
     let disk = file(&world, "disk");
-    let Some(mut command) = on_small_disk(&world, &disk, &[]) else { return };
-    let mut recorder = Recording::spawn(&mut command);
+    let Some(command) = on_small_disk(&world, &disk, &[]) else { return };
+    let mut recorder = Recording::spawn(command);
     let (daemon, mut states) = endless(&world);
     recorder.line("NOT RECORDING");
     // Its file system is seen through the process.

@@ -13,18 +13,15 @@ use std::time::Duration;
 
 use clearway::attach::Client;
 use clearway::runtime::{Daemon, Until};
-use recording::{clearway, isolated, until};
-use rustix::process::{Pid, Signal, kill_process};
+use recording::clearway;
+use rustix::process::Signal;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 use serde_json::Value;
+use support::process::{Process, isolated, text, until};
 use support::{World, config, lanes};
 
 const PERIOD_NS: u64 = 10_000_000;
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 fn once(world: &World, more: &[&str]) -> Output {
     clearway(world, &[&["top", "--once"], more].concat()).output().unwrap()
@@ -111,7 +108,7 @@ fn without_a_daemon_or_a_terminal_it_says_what_to_do() {
 
 /// A terminal of 80 × 24 with `clearway top` on it.
 struct OnTerminal {
-    child: std::process::Child,
+    process: Process,
     terminal: std::fs::File,
     /// Kept open, so that what the child left can be read after its end.
     end: std::fs::File,
@@ -129,7 +126,7 @@ fn on_terminal(world: &World) -> OnTerminal {
     command.arg("top");
     isolated(&mut command, world);
     command.env("TERM", "xterm").env("LC_ALL", "C.UTF-8").stdin(stdio()).stdout(stdio());
-    OnTerminal { child: command.spawn().unwrap(), terminal: master.into(), end }
+    OnTerminal { process: Process::start(command), terminal: master.into(), end }
 }
 
 impl OnTerminal {
@@ -142,10 +139,6 @@ impl OnTerminal {
             seen.extend_from_slice(&buffer[..n]);
             text(&seen).contains(words).then(|| text(&seen))
         })
-    }
-
-    fn signal(&self, signal: Signal) {
-        kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
     fn is_raw(&self) -> bool {
@@ -164,10 +157,10 @@ fn a_terminal_is_put_back_and_a_killed_monitor_changes_nothing() {
     let mut top = on_terminal(&world);
     top.reads("RUNNING");
     assert!(top.is_raw());
-    top.signal(Signal::TERM);
+    top.process.signal(Signal::TERM);
     let leaves_the_screen = "\u{1b}[?1049l";
     top.reads(leaves_the_screen);
-    assert_eq!(top.child.wait().unwrap().code(), Some(0));
+    assert_eq!(top.process.wait().code(), Some(0));
     assert!(!top.is_raw());
 
     // Killed, and stopped for good: commands go on.
@@ -175,17 +168,17 @@ fn a_terminal_is_put_back_and_a_killed_monitor_changes_nothing() {
     killed.reads("RUNNING");
     let mut stuck = on_terminal(&world);
     stuck.reads("RUNNING");
-    killed.signal(Signal::KILL);
-    stuck.signal(Signal::STOP);
-    killed.child.wait().unwrap();
+    killed.process.signal(Signal::KILL);
+    stuck.process.signal(Signal::STOP);
+    killed.process.wait();
     while commands.next().unwrap().is_some() {}
     let first = commands.wait(Duration::from_secs(60)).unwrap().unwrap().header().tick;
     // Far more periods than any channel holds samples.
     until(|| commands.newest().unwrap().filter(|sample| sample.header().tick > first + 200).map(|_| ()));
     let status = client.admin().unwrap().with_timeout(Duration::from_secs(30)).status().unwrap();
     assert_eq!(status.figures.worker_panics, 0);
-    stuck.signal(Signal::KILL);
-    stuck.child.wait().unwrap();
+    stuck.process.signal(Signal::KILL);
+    stuck.process.wait();
     drop((commands, client));
     daemon.stop();
     let report = daemon.join().unwrap();

@@ -4,108 +4,35 @@
 mod support;
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clearway::channel::{Attachment, CommandReader, StateReader, Transport};
 use clearway::config::ChannelConfig;
 use clearway::wire::StopReason;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use support::World;
-
-/// Far longer than any of this takes; a hang must not hang the suite.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// A process that does not outlive its test.
-struct Process(Child);
-
-impl Process {
-    fn id(&self) -> Pid {
-        Pid::from_child(&self.0)
-    }
-
-    fn signal(&self, signal: Signal) {
-        kill_process(self.id(), signal).unwrap();
-    }
-
-    fn wait(&mut self) -> ExitStatus {
-        let end = Instant::now() + PATIENCE;
-        while Instant::now() < end {
-            if let Some(status) = self.0.try_wait().unwrap() {
-                return status;
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        panic!("process {} does not end", self.0.id());
-    }
-
-    fn output(mut self) -> Output {
-        let status = self.wait();
-        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
-        if let Some(mut pipe) = self.0.stdout.take() {
-            pipe.read_to_end(&mut stdout).unwrap();
-        }
-        if let Some(mut pipe) = self.0.stderr.take() {
-            pipe.read_to_end(&mut stderr).unwrap();
-        }
-        Output { status, stdout, stderr }
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
+use support::process::{Process, file, text, until, within};
 
 fn daemon(world: &World, arguments: &[&str]) -> Process {
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let child = Command::new(env!("CARGO_BIN_EXE_clearwayd"))
-        .args(["--set", "realtime.policy=off"])
-        .args(arguments)
-        .env("CLEARWAY_IOX2_PREFIX", &world.channel.prefix)
-        .env("CLEARWAY_IOX2_ROOT", &world.channel.root)
-        .current_dir(&world.channel.root)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn();
-    Process(child.unwrap())
+    let program = Path::new(env!("CARGO_BIN_EXE_clearwayd"));
+    let mut command = within(world, program, &["--set", "realtime.policy=off"]);
+    command.args(arguments);
+    Process::start(command)
 }
 
 /// A configuration file, which makes the daemon run until a signal.
 fn endless(world: &World) -> String {
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let path = world.channel.root.join("fleet.toml");
-    std::fs::write(&path, "schema = 1\nscenario = \"swap8\"\n[timing]\nperiod_us = 10_000\n").unwrap();
-    path.to_string_lossy().into_owned()
+    file(world, "fleet.toml", "schema = 1\nscenario = \"swap8\"\n[timing]\nperiod_us = 10_000\n")
 }
 
 fn attach(channel: &ChannelConfig) -> Attachment {
     Transport::new("default", channel).unwrap().attach("test").unwrap()
 }
 
-/// Calls `look` until it finds something.
-fn until<T>(mut look: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
-    while Instant::now() < end {
-        if let Some(found) = look() {
-            return found;
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    panic!("nothing came");
-}
-
 /// The newest state's epoch and tick.
 fn newest(states: &mut StateReader) -> Option<(u64, u64)> {
     states.newest().unwrap().map(|sample| (sample.header().epoch, sample.header().tick))
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 fn report(path: &PathBuf) -> serde_json::Value {
@@ -140,15 +67,10 @@ fn watcher_process() {
 }
 
 fn watcher(world: &World) -> (Process, BufReader<impl Read>) {
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "watcher_process", "--nocapture"])
-        .env("CLEARWAY_TEST_WATCH", "1")
-        .env("CLEARWAY_IOX2_PREFIX", &world.channel.prefix)
-        .env("CLEARWAY_IOX2_ROOT", &world.channel.root)
-        .stdout(Stdio::piped())
-        .spawn();
-    let mut process = Process(child.unwrap());
+    let program = std::env::current_exe().unwrap();
+    let mut command = within(world, &program, &["--exact", "watcher_process", "--nocapture"]);
+    command.env("CLEARWAY_TEST_WATCH", "1");
+    let mut process = Process::start(command);
     let lines = BufReader::new(process.0.stdout.take().unwrap());
     (process, lines)
 }
@@ -316,9 +238,7 @@ fn a_daemon_that_was_stopped_goes_on_in_phase_and_without_a_burst() {
 #[test]
 fn mistakes_have_their_own_exit_status() {
     let world = World::new("mistakes");
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let file = world.channel.root.join("bad.toml");
-    std::fs::write(&file, "schema = 1\nscenario = \"swap8\"\n[timing]\nperiod_us = -5\n").unwrap();
+    file(&world, "bad.toml", "schema = 1\nscenario = \"swap8\"\n[timing]\nperiod_us = -5\n");
     let cases = [
         (vec!["--config", "bad.toml"], 2, "bad.toml"),
         (vec!["--scenario", "no-such-thing"], 2, "no-such-thing"),

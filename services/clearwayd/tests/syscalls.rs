@@ -5,59 +5,28 @@ mod support;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use support::World;
+use support::process::{Process, file, skipped, until, within};
 
 /// The clock's sleep, the event count's wait and wake, and what the kernel makes of a sleep that a
 /// tracer interrupted. Reading the clock is not a system call.
 const ALLOWED: [&str; 3] = ["clock_nanosleep", "futex", "restart_syscall"];
-/// Far longer than any of this takes.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-struct Process(Child);
-
-impl Process {
-    fn signal(&self, signal: Signal) {
-        let _ = kill_process(Pid::from_child(&self.0), signal);
-    }
-
-    /// Asks for the end and waits for it.
-    fn end(&mut self) {
-        self.signal(Signal::INT);
-        let end = Instant::now() + PATIENCE;
-        while Instant::now() < end && self.0.try_wait().unwrap().is_none() {
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Thread ids by name, once the daemon has all of them.
 fn threads(daemon: &Process) -> BTreeMap<String, String> {
     let tasks = format!("/proc/{}/task", daemon.0.id());
-    let end = Instant::now() + PATIENCE;
-    while Instant::now() < end {
+    until(|| {
         let entries = std::fs::read_dir(&tasks).into_iter().flatten().flatten();
         let named = entries.filter_map(|entry| {
             let name = std::fs::read_to_string(entry.path().join("comm")).ok()?;
             Some((name.trim().to_owned(), entry.file_name().to_string_lossy().into_owned()))
         });
         let named: BTreeMap<_, _> = named.collect();
-        if named.contains_key("clearway-house") {
-            return named;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    panic!("the daemon does not start its threads");
+        named.contains_key("clearway-house").then_some(named)
+    })
 }
 
 /// Calls that a thread made while it was watched, by name; `None` when it cannot be watched here.
@@ -70,14 +39,15 @@ fn calls(thread: &str, out: &Path, enough: usize) -> Option<BTreeMap<String, usi
         .spawn();
     let mut strace = Process(strace.ok()?);
     let text = || std::fs::read_to_string(out).unwrap_or_default();
-    let end = Instant::now() + PATIENCE;
-    while text().lines().count() < enough && Instant::now() < end {
-        if strace.0.try_wait().unwrap().is_some() {
-            return None;
-        }
-        std::thread::sleep(Duration::from_millis(50));
+    let refused = until(|| match strace.0.try_wait().unwrap() {
+        Some(_) => Some(true),
+        None => (text().lines().count() >= enough).then_some(false),
+    });
+    if refused {
+        return None;
     }
-    strace.end();
+    strace.signal(Signal::INT);
+    strace.wait();
     let mut calls = BTreeMap::new();
     for line in text().lines().filter(|line| !line.starts_with(['-', '+'])) {
         // A call that returns later is printed in two parts.
@@ -90,23 +60,10 @@ fn calls(thread: &str, out: &Path, enough: usize) -> Option<BTreeMap<String, usi
 #[test]
 fn the_loop_and_the_workers_call_only_to_sleep_and_to_wake() {
     let world = World::new("syscalls");
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let path = world.channel.root.join("fleet.toml");
-    std::fs::write(
-        &path,
-        "schema = 1\nscenario = \"swap8\"\n[timing]\nperiod_us = 5_000\nworkers = 2\n[realtime]\npolicy = \"off\"\n",
-    )
-    .unwrap();
-    let daemon = Command::new(env!("CARGO_BIN_EXE_clearwayd"))
-        .arg("--config")
-        .arg(&path)
-        .env("CLEARWAY_IOX2_PREFIX", &world.channel.prefix)
-        .env("CLEARWAY_IOX2_ROOT", &world.channel.root)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn();
-    let mut daemon = Process(daemon.unwrap());
+    let fleet = "schema = 1\nscenario = \"swap8\"\n[timing]\nperiod_us = 5_000\nworkers = 2\n[realtime]\npolicy = \"off\"\n";
+    let config = file(&world, "fleet.toml", fleet);
+    let program = Path::new(env!("CARGO_BIN_EXE_clearwayd"));
+    let daemon = Process::start(within(&world, program, &["--quiet", "--config", &config]));
     let threads = threads(&daemon);
     // Connections are made and lazily built parts woken.
     std::thread::sleep(Duration::from_millis(500));
@@ -115,7 +72,7 @@ fn the_loop_and_the_workers_call_only_to_sleep_and_to_wake() {
     {
         let out = world.channel.root.join(name);
         let Some(calls) = calls(&threads[name], &out, enough) else {
-            println!("SKIPPED: strace is not installed, or may not attach to another process here");
+            skipped("system calls of a period", "strace is not installed, or may not attach here");
             break;
         };
         println!("{name}: {calls:?}");
@@ -124,5 +81,6 @@ fn the_loop_and_the_workers_call_only_to_sleep_and_to_wake() {
         // Housekeeping looks after dead processes: what it is there for shows that others would be seen.
         assert_eq!(others, name == "clearway-house", "{name}: {calls:?}");
     }
-    daemon.end();
+    daemon.signal(Signal::INT);
+    daemon.succeed();
 }

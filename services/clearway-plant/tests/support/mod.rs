@@ -1,96 +1,21 @@
 //! Daemons and plants as processes, in a world of their own.
-#![allow(dead_code, unreachable_pub, reason = "each test file uses a part")]
+#![allow(dead_code, unused_imports, unreachable_pub, reason = "each test file uses a part")]
 
 #[path = "../../../../tests/support/mod.rs"]
 mod base;
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::process::Command;
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
 
 use clearway::attach::{Client, Subscriber};
 use clearway::figures::Clearances;
 use clearway::robots::{MotionRecord, motions};
 use clearway::scenario::Scenario;
 use clearway::wire::{CommandHeader, RobotCommand};
-use rustix::process::{Pid, Signal, kill_process};
 
 pub use base::World;
-
-/// Far longer than any of this takes; a hang must not hang the suite.
-pub const PATIENCE: Duration = Duration::from_secs(120);
-
-/// A process that does not outlive its test.
-pub struct Process(pub Child);
-
-impl Process {
-    pub fn start(mut command: Command) -> Self {
-        Self(command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
-    }
-
-    pub fn signal(&self, signal: Signal) {
-        kill_process(Pid::from_child(&self.0), signal).unwrap();
-    }
-
-    /// Ends it as no process can resist.
-    pub fn kill(mut self) {
-        self.signal(Signal::KILL);
-        self.wait();
-    }
-
-    pub fn wait(&mut self) -> ExitStatus {
-        until(|| self.0.try_wait().unwrap())
-    }
-
-    /// Stops it, and returns when it stands.
-    pub fn pause(&self) {
-        self.signal(Signal::STOP);
-        let stat = format!("/proc/{}/stat", self.0.id());
-        until(|| {
-            std::fs::read_to_string(&stat).unwrap().rsplit(')').next()?.trim().starts_with('T').then_some(())
-        });
-    }
-
-    pub fn output(mut self) -> Output {
-        let status = self.wait();
-        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
-        if let Some(mut pipe) = self.0.stdout.take() {
-            pipe.read_to_end(&mut stdout).unwrap();
-        }
-        if let Some(mut pipe) = self.0.stderr.take() {
-            pipe.read_to_end(&mut stderr).unwrap();
-        }
-        Output { status, stdout, stderr }
-    }
-
-    /// Asserts that it ends by itself, and well.
-    pub fn succeed(self) {
-        let run = self.output();
-        let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        assert_eq!(run.status.code(), Some(0), "{}{}", said(&run.stdout), said(&run.stderr));
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Calls `look` until it finds something.
-pub fn until<T>(mut look: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
-    while Instant::now() < end {
-        if let Some(found) = look() {
-            return found;
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    panic!("nothing came");
-}
+pub use base::process::{Process, file, skipped, text, until, within};
 
 /// The daemon's program, of the same build as this one: another package's, so it is made sure of.
 fn clearwayd() -> &'static Path {
@@ -109,18 +34,6 @@ fn clearwayd() -> &'static Path {
     })
 }
 
-/// `program` in `world`.
-pub fn within(world: &World, program: &Path, arguments: &[&str]) -> Command {
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let mut command = Command::new(program);
-    command
-        .args(arguments)
-        .env("CLEARWAY_IOX2_PREFIX", &world.channel.prefix)
-        .env("CLEARWAY_IOX2_ROOT", &world.channel.root)
-        .current_dir(&world.channel.root);
-    command
-}
-
 /// A daemon that listens to observations, unless `arguments` say otherwise.
 pub fn daemon(world: &World, arguments: &[&str]) -> Process {
     let mut command = within(world, clearwayd(), &["--set", "realtime.policy=off"]);
@@ -135,14 +48,6 @@ pub fn plant(world: &World, name: &str, arguments: &[&str]) -> Process {
     let mut command = within(world, program, &["--quiet", "--report", &report, "--trajectory", &trajectory]);
     command.args(arguments);
     Process::start(command)
-}
-
-/// A file with a configuration, which makes the daemon run until a signal.
-pub fn file(world: &World, name: &str, text: &str) -> String {
-    std::fs::create_dir_all(&world.channel.root).unwrap();
-    let path = world.channel.root.join(name);
-    std::fs::write(&path, text).unwrap();
-    path.to_string_lossy().into_owned()
 }
 
 /// A client of the daemon in `world`, when there is one.
