@@ -21,7 +21,6 @@
 mod accelerated;
 mod admin;
 mod answers;
-
 mod board;
 mod changes;
 mod control_loop;

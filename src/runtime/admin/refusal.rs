@@ -23,3 +23,15 @@ impl Refusal {
         Self::fleet(AdminCode::Malformed, text.to_owned())
     }
 }
+
+pub(super) fn busy(text: &str) -> Refusal {
+    Refusal::fleet(AdminCode::Busy, format!("{text}: try again after a period"))
+}
+
+pub(super) fn expired() -> Refusal {
+    Refusal::fleet(AdminCode::Expired, "the request had expired before it could be carried out".to_owned())
+}
+
+pub(super) fn ending() -> Refusal {
+    Refusal::fleet(AdminCode::Ending, "the run is ending".to_owned())
+}
