@@ -5,6 +5,7 @@
 //! 25 ns.
 
 use std::num::{NonZeroU32, NonZeroU64};
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use rustix::thread::{clock_nanosleep_absolute, futex};
@@ -146,6 +147,35 @@ impl Clock for VirtualClock {
         if word.load(Ordering::Acquire) == value {
             self.sleep_until(wake_ns);
         }
+    }
+}
+
+/// A [`VirtualClock`] that several parts of one thread look at.
+#[derive(Debug, Clone, Default)]
+pub struct VirtualTime(Rc<VirtualClock>);
+
+impl VirtualTime {
+    /// A clock that stands at `now_ns`.
+    pub fn new(now_ns: u64) -> Self {
+        Self(Rc::new(VirtualClock::new(now_ns)))
+    }
+}
+
+impl Clock for VirtualTime {
+    fn now_ns(&self) -> u64 {
+        self.0.now_ns()
+    }
+
+    fn sleep_until(&self, wake_ns: u64) {
+        self.0.sleep_until(wake_ns);
+    }
+
+    fn spin_until(&self, wake_ns: u64) {
+        self.0.spin_until(wake_ns);
+    }
+
+    fn wait(&self, word: &AtomicU32, value: u32, wake_ns: u64) {
+        self.0.wait(word, value, wake_ns);
     }
 }
 

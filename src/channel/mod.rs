@@ -34,7 +34,10 @@
 //! ```
 
 mod admin;
+mod attachment;
 mod error;
+#[allow(dead_code, reason = "for the simulator")]
+pub(crate) mod memory;
 mod node;
 mod reader;
 mod record;
@@ -42,8 +45,9 @@ mod remains;
 mod writer;
 
 pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};
+pub use attachment::Attachment;
 pub use error::{ChannelError, Owner};
-pub use node::{Attached, Attachment, Census, CleanUp, Member, Transport};
+pub use node::{Attached, Census, CleanUp, Member, Transport};
 pub use reader::{Reader, Received};
 pub use record::{Channel, Record};
 pub use writer::Writer;

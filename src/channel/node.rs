@@ -1,5 +1,6 @@
 use std::collections::BTreeSet;
 use std::fmt::Debug;
+use std::sync::Arc;
 
 use iceoryx2::node::{DeadNodeView, NodeCleanupFailure, NodeDetails, NodeView};
 use iceoryx2::port::publisher::PublisherCreateError;
@@ -15,7 +16,8 @@ use iceoryx2::service::port_factory::request_response::PortFactory as AdminServi
 
 use super::admin::{self, AdminPort, AdminServer};
 use super::error::SHARED_MEMORY;
-use super::{Channel, ChannelError, Owner, Reader, Record, Writer, remains};
+use super::memory::Memory;
+use super::{Attachment, Channel, ChannelError, Owner, Reader, Record, Writer, remains};
 use crate::config::{ChannelConfig, is_fleet_name};
 use crate::wire::{
     AdminAnswer, AdminRequest, AdminRobot, RobotCheckpoint, RobotCommand, RobotObservation, RobotState,
@@ -42,8 +44,9 @@ fn sample_bytes<R: Record>(robots: usize) -> usize {
 #[derive(Debug, Clone)]
 pub struct Transport {
     fleet: String,
-    settings: ChannelConfig,
+    pub(super) settings: ChannelConfig,
     pub(super) iceoryx: Config,
+    memory: Option<Arc<Memory>>,
 }
 
 impl Transport {
@@ -67,7 +70,13 @@ impl Transport {
         let root = settings.root.to_string_lossy().into_owned();
         let path = Path::new(root.as_bytes()).map_err(|e| location("root", root, &e))?;
         iceoryx.global.set_root_path(&path);
-        Ok(Self { fleet: fleet.to_owned(), settings: settings.clone(), iceoryx })
+        Ok(Self { fleet: fleet.to_owned(), settings: settings.clone(), iceoryx, memory: None })
+    }
+
+    /// The same channels inside this process: nothing of them is in shared memory.
+    #[allow(dead_code, reason = "for the simulator")]
+    pub(crate) fn in_memory(self, memory: Arc<Memory>) -> Self {
+        Self { memory: Some(memory), ..self }
     }
 
     /// The fleet's name.
@@ -191,6 +200,9 @@ impl Transport {
     }
 
     fn node(&self, role: &str, iceoryx: &Config) -> Result<Attachment, ChannelError> {
+        if let Some(memory) = &self.memory {
+            return Ok(Attachment::local(Arc::clone(memory), self));
+        }
         let failed = |reason: String| ChannelError::Attach {
             root: self.settings.root.to_string_lossy().into_owned(),
             reason,
@@ -204,7 +216,7 @@ impl Transport {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|e| failed(format!("{e:?}")))?;
-        Ok(Attachment { transport: self.clone(), node })
+        Ok(Attachment::shared(SharedNode { transport: self.clone(), node }))
     }
 }
 
@@ -259,19 +271,19 @@ type Admin = AdminService<ipc::Service, [AdminRobot], AdminRequest, [u8], AdminA
 
 /// One thread's membership in shared memory.
 #[derive(Debug)]
-pub struct Attachment {
+pub(super) struct SharedNode {
     transport: Transport,
     node: Node<ipc::Service>,
 }
 
-impl Attachment {
+impl SharedNode {
     /// Attaches to a channel as a writer of samples with `robots` records, and makes the channel if
     /// it does not exist.
     ///
     /// # Errors
     /// [`ChannelError::Owned`] when the channel's only writer is somebody else, and the reasons for
     /// which a channel cannot be opened.
-    pub fn writer<R: Record>(&self, robots: usize) -> Result<Writer<R>, ChannelError> {
+    pub(super) fn writer<R: Record>(&self, robots: usize) -> Result<Writer<R>, ChannelError> {
         self.publisher(&self.create::<R>(robots)?, robots)
     }
 
@@ -306,7 +318,7 @@ impl Attachment {
     ///
     /// # Errors
     /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
-    pub fn reader<R: Record>(&self) -> Result<Reader<R>, ChannelError> {
+    pub(super) fn reader<R: Record>(&self) -> Result<Reader<R>, ChannelError> {
         self.subscribe(&self.open::<R>()?)
     }
 
@@ -314,13 +326,13 @@ impl Attachment {
     ///
     /// # Errors
     /// The reasons for which it cannot be opened.
-    pub fn reader_or_create<R: Record>(&self, robots: usize) -> Result<Reader<R>, ChannelError> {
+    pub(super) fn reader_or_create<R: Record>(&self, robots: usize) -> Result<Reader<R>, ChannelError> {
         self.subscribe(&self.create::<R>(robots)?)
     }
 
     /// Removes what processes that died left behind: 0.1 ms when there is nothing, about 1 ms for
     /// each. Not for real-time threads.
-    pub fn clean_up(&self) -> CleanUp {
+    pub(super) fn clean_up(&self) -> CleanUp {
         let iceoryx = &self.transport.iceoryx;
         let (mut known, mut dead) = (BTreeSet::new(), Vec::new());
         let listed = Node::<ipc::Service>::list(iceoryx, |node| {
@@ -359,7 +371,7 @@ impl Attachment {
     /// # Errors
     /// [`ChannelError::Port`] when there is a server already, and the reasons for which the channel
     /// cannot be opened.
-    pub fn admin_server(&self, max_clients: usize) -> Result<AdminServer, ChannelError> {
+    pub(super) fn admin_server(&self, max_clients: usize) -> Result<AdminServer, ChannelError> {
         let service = self
             .node
             .service_builder(&self.admin_service_name()?)
@@ -393,12 +405,12 @@ impl Attachment {
     ///
     /// # Errors
     /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
-    pub fn observer(&self, robots: usize) -> Result<Writer<RobotObservation>, ChannelError> {
+    pub(super) fn observer(&self, robots: usize) -> Result<Writer<RobotObservation>, ChannelError> {
         self.publisher(&self.open::<RobotObservation>()?, robots)
     }
 
     /// Whether somebody who lives writes the fleet's state.
-    pub fn has_daemon(&self) -> bool {
+    pub(super) fn has_daemon(&self) -> bool {
         self.open::<RobotState>().is_ok_and(|service| self.owner_of(&service).is_some())
     }
 
@@ -407,7 +419,7 @@ impl Attachment {
     /// # Errors
     /// [`ChannelError::NoDaemon`] when the channel does not exist, and the reasons for which it cannot
     /// be opened.
-    pub fn admin(&self) -> Result<AdminPort, ChannelError> {
+    pub(super) fn admin(&self) -> Result<AdminPort, ChannelError> {
         let service = self.open_admin()?;
         let created = service
             .client_builder()
@@ -420,7 +432,7 @@ impl Attachment {
     }
 
     /// Who is attached now; 0 where a channel does not exist.
-    pub fn attached(&self) -> Attached {
+    pub(super) fn attached(&self) -> Attached {
         let (state_readers, _) = self.ports::<RobotState>();
         let (command_readers, _) = self.ports::<RobotCommand>();
         let (telemetry_readers, _) = self.ports::<RobotTelemetry>();
@@ -489,7 +501,7 @@ impl Attachment {
         robots: usize,
     ) -> Result<Service<ipc::Service, [R], R::Header>, ChannelError> {
         let settings = &self.transport.settings;
-        let history = usize::from(matches!(R::CHANNEL, Channel::State | Channel::Command));
+        let history = usize::from(R::CHANNEL.keeps_newest());
         let service = self.name::<R>()?;
         self.node
             .service_builder(&service)

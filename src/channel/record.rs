@@ -2,6 +2,7 @@ use std::fmt::Debug;
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::memory::{Memory, Topic};
 use crate::config::ChannelConfig;
 use crate::wire::{
     CheckpointHeader, CommandHeader, ObservationHeader, RobotCheckpoint, RobotCommand, RobotObservation,
@@ -49,6 +50,11 @@ impl Channel {
         !matches!(self, Self::Telemetry | Self::Checkpoint)
     }
 
+    /// Whether who joins gets the newest sample at once.
+    pub(super) fn keeps_newest(self) -> bool {
+        matches!(self, Self::State | Self::Command)
+    }
+
     pub(super) fn max_writers(self, config: &ChannelConfig) -> usize {
         if self == Self::Observation { config.max_observers.max(1) } else { 1 }
     }
@@ -72,29 +78,55 @@ pub trait Record: ZeroCopySend + Debug + Default + Copy + 'static {
     type Header: ZeroCopySend + Debug + Default + Copy + 'static;
     /// Where it travels.
     const CHANNEL: Channel;
+
+    /// The same channel inside one process.
+    #[doc(hidden)]
+    fn topic(memory: &Memory) -> &Topic<Self>
+    where
+        Self: Sized;
 }
 
 impl Record for RobotObservation {
     type Header = ObservationHeader;
     const CHANNEL: Channel = Channel::Observation;
+
+    fn topic(memory: &Memory) -> &Topic<Self> {
+        &memory.observation
+    }
 }
 
 impl Record for RobotState {
     type Header = StateHeader;
     const CHANNEL: Channel = Channel::State;
+
+    fn topic(memory: &Memory) -> &Topic<Self> {
+        &memory.state
+    }
 }
 
 impl Record for RobotCommand {
     type Header = CommandHeader;
     const CHANNEL: Channel = Channel::Command;
+
+    fn topic(memory: &Memory) -> &Topic<Self> {
+        &memory.command
+    }
 }
 
 impl Record for RobotTelemetry {
     type Header = TelemetryHeader;
     const CHANNEL: Channel = Channel::Telemetry;
+
+    fn topic(memory: &Memory) -> &Topic<Self> {
+        &memory.telemetry
+    }
 }
 
 impl Record for RobotCheckpoint {
     type Header = CheckpointHeader;
     const CHANNEL: Channel = Channel::Checkpoint;
+
+    fn topic(memory: &Memory) -> &Topic<Self> {
+        &memory.checkpoint
+    }
 }

@@ -6,11 +6,24 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample_mut::SampleMut;
 
+use super::memory::LocalWriter;
 use super::{ChannelError, Record};
 
 /// Writes samples of a fixed number of records, in place.
 #[derive(Debug)]
 pub struct Writer<R: Record> {
+    port: Port<R>,
+}
+
+#[derive(Debug)]
+enum Port<R: Record> {
+    Shared(Shared<R>),
+    Local(LocalWriter<R>),
+}
+
+/// A writer in shared memory.
+#[derive(Debug)]
+struct Shared<R: Record> {
     // Declared first: a loan must go back before its port.
     next: Option<SampleMut<ipc::Service, [R], R::Header>>,
     publisher: Publisher<ipc::Service, [R], R::Header>,
@@ -24,7 +37,11 @@ impl<R: Record> Writer<R> {
         robots: usize,
         discarded: Arc<AtomicU64>,
     ) -> Self {
-        Self { next: None, publisher, robots, discarded }
+        Self { port: Port::Shared(Shared { next: None, publisher, robots, discarded }) }
+    }
+
+    pub(super) fn local(writer: LocalWriter<R>) -> Self {
+        Self { port: Port::Local(writer) }
     }
 
     pub(super) fn discard_counter() -> Arc<AtomicU64> {
@@ -36,10 +53,10 @@ impl<R: Record> Writer<R> {
     /// # Errors
     /// [`ChannelError::NotLoaned`] when shared memory is exhausted.
     pub fn prepare(&mut self) -> Result<(), ChannelError> {
-        if self.next.is_none() {
-            self.next = Some(self.loan()?);
+        match &mut self.port {
+            Port::Shared(writer) => writer.prepare(),
+            Port::Local(writer) => writer.prepare(),
         }
-        Ok(())
     }
 
     /// Fills the next sample with `fill` and sends it. Allocates only if it was not prepared.
@@ -48,6 +65,41 @@ impl<R: Record> Writer<R> {
     /// [`ChannelError::NotLoaned`] when nothing went out; [`ChannelError::Transfer`] when it did, but
     /// not to every reader.
     pub fn publish(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
+        match &mut self.port {
+            Port::Shared(writer) => writer.publish(fill),
+            Port::Local(writer) => writer.publish(fill),
+        }
+    }
+
+    /// Connects to readers that have joined, so that the next send need not.
+    ///
+    /// # Errors
+    /// [`ChannelError::Transfer`] when a reader's memory cannot be mapped.
+    pub fn connect(&self) -> Result<(), ChannelError> {
+        match &self.port {
+            Port::Shared(writer) => writer.connect(),
+            Port::Local(_) => Ok(()),
+        }
+    }
+
+    /// Samples that a reader did not get because it was too slow; 0 where the oldest is overwritten.
+    pub fn discarded(&self) -> u64 {
+        match &self.port {
+            Port::Shared(writer) => writer.discarded.load(Ordering::Relaxed),
+            Port::Local(writer) => writer.discarded(),
+        }
+    }
+}
+
+impl<R: Record> Shared<R> {
+    fn prepare(&mut self) -> Result<(), ChannelError> {
+        if self.next.is_none() {
+            self.next = Some(self.loan()?);
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
         let mut sample = match self.next.take() {
             Some(sample) => sample,
             None => self.loan()?,
@@ -67,17 +119,8 @@ impl<R: Record> Writer<R> {
         }
     }
 
-    /// Connects to readers that have joined, so that the next send need not.
-    ///
-    /// # Errors
-    /// [`ChannelError::Transfer`] when a reader's memory cannot be mapped.
-    pub fn connect(&self) -> Result<(), ChannelError> {
+    fn connect(&self) -> Result<(), ChannelError> {
         self.publisher.update_connections().map_err(|_| Self::failed("a reader could not be connected"))
-    }
-
-    /// Samples that a reader did not get because it was too slow; 0 where the oldest is overwritten.
-    pub fn discarded(&self) -> u64 {
-        self.discarded.load(Ordering::Relaxed)
     }
 
     fn loan(&self) -> Result<SampleMut<ipc::Service, [R], R::Header>, ChannelError> {

@@ -229,6 +229,7 @@ impl Law {
 enum AnySolver {
     Exact(ExactSolver),
     Clarabel(Box<ClarabelSolver>),
+    Other(Box<dyn Solver>),
 }
 
 impl Solver for AnySolver {
@@ -236,6 +237,7 @@ impl Solver for AnySolver {
         match self {
             Self::Exact(solver) => solver.solve(programme, solution),
             Self::Clarabel(solver) => solver.solve(programme, solution),
+            Self::Other(solver) => solver.solve(programme, solution),
         }
     }
 }
@@ -268,6 +270,13 @@ impl RobotGroup {
     #[must_use]
     pub fn audited_by(mut self, recorder: Recorder) -> Self {
         self.workspace.recorder = Some(recorder);
+        self
+    }
+
+    /// Asks `solver` instead of the configured one. What it answers is verified like every solution.
+    #[must_use]
+    pub fn solved_by(mut self, solver: Box<dyn Solver>) -> Self {
+        self.workspace.solver = AnySolver::Other(solver);
         self
     }
 

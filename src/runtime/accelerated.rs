@@ -1,29 +1,21 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
-use std::sync::{Arc, Mutex, PoisonError};
 
-use super::Until;
-use super::board::{Board, Released};
-use super::control_loop::{ControlLoop, LoopMemory};
-use super::desk::Desk;
+use super::decider::Decider;
 use super::error::DaemonError;
-use super::housekeeping::Housekeeper;
 use super::progress::Progress;
-use super::threads::{Common, record_capacity};
-use super::worker::Worker;
+use super::unthreaded::{Crew, Outline, build};
 use crate::channel::{Attachment, CommandReader, Transport, Writer};
-use crate::clock::{Clock, SlowedClock};
-use crate::config::{Config, PublishAt, SourceKind, Wakeup};
-use crate::controller::{ControllerError, RobotGroup};
+use crate::clock::{Clock, VirtualTime};
+use crate::config::Config;
+use crate::controller::{ControllerError, Decision, RobotGroup, RouteShelf};
 use crate::model::{Command, RobotSpec};
 use crate::plant::Plant;
-use crate::realtime::{Achieved, Role};
 use crate::report::Report;
-use crate::schedule::Schedule;
 use crate::source::{Instant, Observed, StateSource};
-use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand, RobotObservation, RobotState};
+use crate::wire::{CommandHeader, RobotCommand, RobotObservation, RobotState};
 
 /// Periods between two rounds of housekeeping, and between two looks of the caller.
 const ROUND: u64 = 32;
@@ -59,106 +51,67 @@ impl Accelerated {
         mut config: Config,
         ticks: u64,
         start_ns: u64,
-        mut look: impl FnMut(&Progress),
+        look: impl FnMut(&Progress),
     ) -> Result<Self, DaemonError> {
-        config.source.kind = SourceKind::Observation;
-        config.timing.publish = PublishAt::Complete;
         config.timing.ticks = Some(ticks);
-        // Places that nobody takes are part of every sample.
-        let robots = config.places();
-        let period_ns = config.timing.period_ns;
         let transport = Transport::new(&config.fleet, &config.channel)?;
-        transport.check_room(robots)?;
-        let mut ids: Vec<u32> = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
-        ids.resize(robots, NO_ROBOT);
-        let board = Arc::new(Board::new(ids, 1, Wakeup::Futex));
-        let config = Arc::new(config);
-        let common = Common {
-            config: Arc::clone(&config),
-            transport,
-            board: Arc::clone(&board),
-            desk: Arc::new(Desk::new(4)),
-            epoch: 1,
-            clock: SlowedClock::default(),
-            source: None,
-        };
-        let node = common.transport.attach("clearwayd")?;
-        let (states, commands) = (node.writer(robots)?, node.writer(robots)?);
-        let reader = node.reader_or_create(robots)?;
-        let capacity = record_capacity(&config);
-        let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(robots)));
-        let solves = Arc::new(Pool::new(capacity, || SolveRecord::with_room(robots)));
-        let progress = Arc::new(Mutex::new(Progress { robots, ..Progress::default() }));
-        let housekeeper = Housekeeper::new(
-            &common,
-            Until::Stopped,
-            Arc::clone(&periods),
-            vec![Arc::clone(&solves)],
-            Arc::clone(&progress),
-            None,
-        )?;
+        transport.check_room(config.places())?;
         let laps = Rc::new(Cell::new(0));
-        let first_tick = config.timing.first_tick;
-        let parts = Parts {
-            worker: Worker {
-                index: 0,
-                wakeup: Wakeup::Futex,
-                due_ns: 0,
-                owned: 0..robots,
-                robots,
-                epoch: common.epoch,
-                clock: common.clock,
-                states: node.reader()?,
-                board: Arc::clone(&board),
-                records: solves,
-            },
-            group: group(&config, 0).map_err(|e| DaemonError::Controller {
-                worker: Role::Worker(0).to_string(),
-                reason: e.to_string(),
-            })?,
-            group_lap: 0,
-            driver: Driver::new(&config, &node, start_ns)?,
-            housekeeper,
-            worked: None,
+        let (now, robots) = (VirtualTime::new(start_ns), config.scenario.robots.clone());
+        let turns = Rc::new(Turns { now: now.clone(), parts: RefCell::new(None), look: RefCell::new(look) });
+        let (made, by) = (config.clone(), Rc::clone(&laps));
+        let outline = Outline {
+            transport,
+            workers: 1,
+            epoch: 1,
+            start_ns,
+            shelf: Arc::new(RouteShelf::new(config.places())),
+            config: config.clone(),
         };
-        let turns = Turns {
-            now_ns: Cell::new(start_ns),
-            parts: RefCell::new(parts),
-            config: &config,
-            board: &board,
-            laps: Rc::clone(&laps),
-            look: RefCell::new(|| look(&progress.lock().unwrap_or_else(PoisonError::into_inner))),
+        let shuttle = |source| -> Box<dyn StateSource> {
+            let (tolerance_m, laps) = (config.scenario.tolerance_m, Rc::clone(&laps));
+            Box::new(Shuttle { source, robots, tolerance_m, laps })
         };
-        let mut control_loop = ControlLoop {
-            clock: &turns,
-            schedule: Schedule::new(start_ns, period_ns, config.timing.margin_ns()).numbered_from(first_tick),
-            epoch: common.epoch,
-            tick_end: common.tick_end(Until::Stopped),
-            tolerance_m: config.scenario.tolerance_m,
-            limits: config.scenario.limits,
-            states,
-            commands,
-            source: Box::new(Shuttle {
-                source: Observed::with_places(reader, &config.scenario, &config.source, period_ns, robots),
-                robots: config.scenario.robots.clone(),
-                tolerance_m: config.scenario.tolerance_m,
-                laps: Rc::clone(&laps),
-            }),
-            board: Arc::clone(&board),
-            publish_at: PublishAt::Complete,
-            wakeup: Wakeup::Futex,
-            records: periods,
-            desk: Arc::clone(&common.desk),
-            memory: LoopMemory::new(common.first_states()),
-        };
+        let lap = move |_| Lap::new(&made, &by);
+        let (control_loop, crew) = build(outline, Rc::clone(&turns), &now, lap, shuttle)?;
+        let driver = Driver::new(&config, &crew.node, start_ns)?;
+        turns.parts.replace(Some(Parts { driver, crew, worked: None }));
         let reason = control_loop.run();
-        drop(control_loop);
-        let Parts { mut driver, housekeeper, .. } = turns.parts.into_inner();
-        driver.receive(turns.now_ns.get());
-        let findings = housekeeper.run();
-        let report = findings.report(&config, &Achieved::default(), reason, 1, 0);
+        // The loop, and with it the clock that it had, is gone.
+        let Some(Parts { mut driver, crew, .. }) = turns.parts.take() else {
+            return Err(DaemonError::Panicked { thread: "loop" });
+        };
+        driver.receive(now.now_ns());
+        let report = crew.report(reason);
         let Driver { commands, refused, observations, .. } = driver;
         Ok(Self { report, commands, refused, observations, laps: laps.get() })
+    }
+}
+
+/// Controllers that begin anew with every lap.
+struct Lap {
+    config: Config,
+    group: RobotGroup,
+    lap: u64,
+    laps: Rc<Cell<u64>>,
+}
+
+impl Lap {
+    fn new(config: &Config, laps: &Rc<Cell<u64>>) -> Option<Self> {
+        let (lap, laps) = (laps.get(), Rc::clone(laps));
+        Some(Self { group: group(config, lap).ok()?, config: config.clone(), lap, laps })
+    }
+}
+
+impl Decider for Lap {
+    fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
+        let lap = self.laps.get();
+        if self.lap != lap
+            && let Ok(group) = group(&self.config, lap)
+        {
+            (self.group, self.lap) = (group, lap);
+        }
+        Decider::decide(&mut self.group, fleet, each);
     }
 }
 
@@ -177,58 +130,46 @@ fn turn_round(robot: &mut RobotSpec) {
 
 /// Everybody but the loop.
 struct Parts {
-    worker: Worker,
-    group: RobotGroup,
-    group_lap: u64,
     driver: Driver,
-    housekeeper: Housekeeper,
+    crew: Crew<VirtualTime, Lap>,
     /// The tick that was worked through last.
     worked: Option<u64>,
 }
 
 /// A clock that lets the others have their turns while the loop waits.
-struct Turns<'a, F> {
-    now_ns: Cell<u64>,
-    parts: RefCell<Parts>,
-    config: &'a Config,
-    board: &'a Board,
-    laps: Rc<Cell<u64>>,
+struct Turns<F> {
+    now: VirtualTime,
+    parts: RefCell<Option<Parts>>,
     look: RefCell<F>,
 }
 
-impl<F: FnMut()> Turns<'_, F> {
-    fn work(&self, tick: u64) {
-        let parts = &mut *self.parts.borrow_mut();
+impl<F: FnMut(&Progress)> Turns<F> {
+    fn work(&self, parts: &mut Parts, tick: u64) {
         if parts.worked.replace(tick) == Some(tick) {
             return;
         }
-        let lap = self.laps.get();
-        if parts.group_lap != lap
-            && let Ok(group) = group(self.config, lap)
-        {
-            (parts.group, parts.group_lap) = (group, lap);
-        }
-        parts.worker.period(tick, &mut parts.group);
-        self.board.done(tick);
+        parts.crew.work(0);
         if tick.is_multiple_of(ROUND) {
-            parts.housekeeper.round();
+            parts.crew.keep_house();
         }
         if tick.is_multiple_of(LOOK) {
-            (self.look.borrow_mut())();
+            (self.look.borrow_mut())(&parts.crew.progress());
         }
     }
 }
 
-impl<F: FnMut()> Clock for &Turns<'_, F> {
+impl<F: FnMut(&Progress)> Clock for Rc<Turns<F>> {
     fn now_ns(&self) -> u64 {
-        self.now_ns.get()
+        self.now.now_ns()
     }
 
     /// The loop sleeps until the next period: the driver moves its robots there and says where they are.
     fn sleep_until(&self, wake_ns: u64) {
-        let now_ns = self.now_ns.get();
-        self.now_ns.set(wake_ns.max(now_ns));
-        self.parts.borrow_mut().driver.drive(now_ns, self.now_ns.get());
+        let now_ns = self.now_ns();
+        self.now.sleep_until(wake_ns);
+        if let Some(parts) = &mut *self.parts.borrow_mut() {
+            parts.driver.drive(now_ns, self.now_ns());
+        }
     }
 
     fn spin_until(&self, wake_ns: u64) {
@@ -237,9 +178,10 @@ impl<F: FnMut()> Clock for &Turns<'_, F> {
 
     /// The loop waits for the worker.
     fn wait(&self, _: &AtomicU32, _: u32, wake_ns: u64) {
-        match self.board.released(None) {
-            Released::Tick(tick) => self.work(tick),
-            _ => self.now_ns.set(wake_ns),
+        let mut parts = self.parts.borrow_mut();
+        match parts.as_mut().and_then(|parts| Some((parts.crew.released()?, parts))) {
+            Some((tick, parts)) => self.work(parts, tick),
+            None => self.now.sleep_until(wake_ns),
         }
     }
 }

@@ -116,7 +116,7 @@ impl Housekeeper {
                 self.board.request_stop(StopReason::Finished);
             }
             if over {
-                self.statistics.log_changes(self.telemetry.discarded(), &self.board);
+                self.say();
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
                 let audit = self.auditor.as_ref().map(Auditor::report);
                 return Findings { accumulator: self.accumulator, statistics: self.statistics, audit };
@@ -234,6 +234,16 @@ impl Housekeeper {
                 "cleaned up after dead processes"
             );
         }
+        self.say();
+    }
+
+    /// Everything that was counted and timed so far.
+    pub(super) fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// Logs what is new since the last time.
+    pub(super) fn say(&mut self) {
         self.statistics.log_changes(self.telemetry.discarded(), &self.board);
     }
 }

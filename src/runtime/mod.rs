@@ -24,6 +24,7 @@ mod answers;
 mod board;
 mod changes;
 mod control_loop;
+mod counts;
 mod daemon;
 mod decider;
 mod desk;
@@ -41,16 +42,22 @@ mod starting;
 mod statistics;
 mod threads;
 mod truth;
+#[allow(dead_code, reason = "for the simulator")]
+mod unthreaded;
 mod watchdog;
 mod worker;
 
 pub use accelerated::Accelerated;
+#[allow(unused_imports, reason = "for the simulator")]
+pub(crate) use counts::Counts;
 pub use daemon::Daemon;
 pub use decider::Decider;
 pub use error::DaemonError;
 pub use event_count::{EventCount, SPIN_LEAD_NS, Waiting};
 pub use progress::Progress;
 pub use staging::Staging;
+#[allow(unused_imports, reason = "for the simulator")]
+pub(crate) use unthreaded::{Crew, LoopHand, Outline, build};
 
 /// When a run ends by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use super::board::{Board, Released};
 use super::decider::Decider;
 use super::event_count::Waiting;
 use crate::channel::StateReader;
-use crate::clock::{Clock, SlowedClock};
+use crate::clock::Clock;
 use crate::config::Wakeup;
 use crate::controller::Decision;
 use crate::telemetry::{Pool, SolveRecord};
@@ -41,8 +41,24 @@ impl Lapses {
     }
 }
 
+/// What a worker keeps from period to period.
+#[derive(Debug)]
+pub(super) struct Shift<D> {
+    /// None once it is given up.
+    decider: Option<D>,
+    /// The tick that was worked through last.
+    known: Option<u64>,
+    lapses: Lapses,
+}
+
+impl<D> Shift<D> {
+    pub(super) fn new(first: D) -> Self {
+        Self { decider: Some(first), known: None, lapses: Lapses::default() }
+    }
+}
+
 /// One worker: the robots of `owned`, which nobody else touches, or those of its region.
-pub(super) struct Worker {
+pub(super) struct Worker<C: Clock> {
     pub(super) index: usize,
     pub(super) wakeup: Wakeup,
     /// When the next period is to be released, ns.
@@ -50,51 +66,60 @@ pub(super) struct Worker {
     pub(super) owned: Range<usize>,
     pub(super) robots: usize,
     pub(super) epoch: u64,
-    pub(super) clock: SlowedClock,
+    pub(super) clock: C,
     pub(super) states: StateReader,
     pub(super) board: Arc<Board>,
     pub(super) records: Arc<Pool<SolveRecord>>,
 }
 
-impl Worker {
+impl<C: Clock> Worker<C> {
     /// Works until the run is over. `make` builds the controller, again after a panic.
     ///
     /// Sleeps between periods: no lock, no allocation, and a wake-up for no reason only looks at the
     /// board again.
     pub(super) fn run<D: Decider>(&mut self, first: D, make: impl Fn() -> Option<D>) {
-        let mut decider = Some(first);
-        let mut known = None;
-        let mut lapses = Lapses::default();
+        let mut shift = Shift::new(first);
         loop {
             let count = self.board.releases.count();
-            match self.board.released(known) {
+            match self.turn(&mut shift, &make) {
                 Released::Over => return,
+                Released::Tick(_) => {}
                 Released::Nothing => {
                     let waiting = Waiting::new(self.wakeup, self.index, self.due_ns);
                     self.board.releases.wait(&self.clock, waiting, count, u64::MAX);
                 }
-                Released::Tick(tick) => {
-                    known = Some(tick);
-                    // The decider is thrown away after a panic, so nobody sees it half changed.
-                    let worked = decider
-                        .as_mut()
-                        .map(|current| catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_ok());
-                    // Whatever came of it, there is nothing more to wait for.
-                    self.board.done(tick);
-                    if worked == Some(true) {
-                        lapses.clean();
-                    } else if worked == Some(false) {
-                        self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
-                        // Made in any case: it brings back what the panic took from others as well.
-                        let again = make();
-                        decider = if lapses.panic() { again } else { None };
-                        if decider.is_none() {
-                            self.board.workers_lost.fetch_add(1, Ordering::Relaxed);
-                        }
-                    }
-                }
             }
         }
+    }
+
+    /// Works through the period that runs, if it is a new one; what it found.
+    pub(super) fn turn<D: Decider>(
+        &mut self,
+        shift: &mut Shift<D>,
+        make: impl Fn() -> Option<D>,
+    ) -> Released {
+        let found = self.board.released(shift.known);
+        let Released::Tick(tick) = found else { return found };
+        shift.known = Some(tick);
+        // The decider is thrown away after a panic, so nobody sees it half changed.
+        let worked = shift
+            .decider
+            .as_mut()
+            .map(|current| catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_ok());
+        // Whatever came of it, there is nothing more to wait for.
+        self.board.done(tick);
+        if worked == Some(true) {
+            shift.lapses.clean();
+        } else if worked == Some(false) {
+            self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
+            // Made in any case: it brings back what the panic took from others as well.
+            let again = make();
+            shift.decider = if shift.lapses.panic() { again } else { None };
+            if shift.decider.is_none() {
+                self.board.workers_lost.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        found
     }
 
     /// One period: from the state in shared memory to the staged commands.
@@ -107,7 +132,7 @@ impl Worker {
             return;
         }
         self.due_ns = header.release_ns.saturating_add(header.period_ns);
-        let clock = self.clock;
+        let clock = &self.clock;
         let since_state = || clock.now_ns().saturating_sub(header.stamp_ns);
         let state_to_worker_ns = since_state();
         let recorded = self.records.write(|record| {

@@ -2,7 +2,6 @@ use std::time::Duration;
 
 use super::Shared;
 use crate::channel::Attached;
-use crate::clock::{Clock, MonotonicClock};
 use crate::config::SourceKind;
 use crate::runtime::{Progress, Until};
 use crate::wire::{AdminAnswer, AdminCode, AdminRequest, admin_flags, state_flags};
@@ -25,6 +24,8 @@ pub(super) struct Facts<'a> {
     pub(super) attached: Attached,
     pub(super) uptime: Duration,
     pub(super) tally: Tally,
+    /// When the answer is given, ns.
+    pub(super) now_ns: u64,
     pub(super) worker_panics: u64,
     pub(super) shared: &'a Shared,
 }
@@ -42,7 +43,7 @@ impl Facts<'_> {
         AdminAnswer {
             ticket: request.ticket,
             epoch: self.shared.epoch,
-            stamp_ns: MonotonicClock.now_ns(),
+            stamp_ns: self.now_ns,
             acts_from_tick,
             code: code as u32,
             kind: request.kind,

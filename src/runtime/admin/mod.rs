@@ -20,10 +20,11 @@ use super::desk::Desk;
 use super::error::DaemonError;
 use super::progress::Progress;
 use crate::channel::Transport;
+use crate::clock::MonotonicClock;
 use crate::config::Config;
 use crate::controller::RouteShelf;
 use crate::realtime::Achieved;
-use thread::Admin;
+pub(super) use thread::Admin;
 
 /// What the thread shares with the others.
 pub(super) struct Shared {
@@ -59,7 +60,7 @@ pub(super) fn admin_thread(
     match prepared {
         Ok((node, server)) => {
             let _ = ready.send(Ok(()));
-            Admin::new(node, server, shared).run();
+            Admin::new(MonotonicClock, node, server, shared).run();
         }
         Err(e) => {
             let _ = ready.send(Err(e));

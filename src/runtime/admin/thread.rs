@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::refusal::{Refusal, busy, ending, expired};
 use super::under_way::{Pending, UnderWay, is_hold, is_stop, stop_in_force};
 use crate::channel::{AdminServer, Asked, Attached, Attachment};
-use crate::clock::{Clock, MonotonicClock};
+use crate::clock::Clock;
 use crate::controller::PreparedRoute;
 use crate::runtime::board::Released;
 use crate::runtime::desk::{Batch, Change, Outcome};
@@ -24,7 +24,8 @@ const EXPIRY_MAX_NS: u64 = 60_000_000_000;
 const ATTACHED_FOR: Duration = Duration::from_millis(200);
 
 /// The thread's state.
-pub(super) struct Admin {
+pub(in crate::runtime) struct Admin<C: Clock> {
+    clock: C,
     node: Attachment,
     server: AdminServer,
     shared: Shared,
@@ -41,10 +42,11 @@ pub(super) struct Admin {
     started: Instant,
 }
 
-impl Admin {
-    pub(super) fn new(node: Attachment, server: AdminServer, shared: Shared) -> Self {
+impl<C: Clock> Admin<C> {
+    pub(in crate::runtime) fn new(clock: C, node: Attachment, server: AdminServer, shared: Shared) -> Self {
         let plan = Plan::new(&shared.config);
         Self {
+            clock,
             node,
             server,
             carried_out: plan.clone(),
@@ -67,8 +69,7 @@ impl Admin {
             .clamp(Duration::from_millis(1), Duration::from_millis(5));
         loop {
             let over = self.shared.board.released(None) == Released::Over;
-            self.settle();
-            self.serve(over);
+            self.round(over);
             if over {
                 for Pending { asked, .. } in std::mem::take(&mut self.pending) {
                     self.refuse(asked, &ending());
@@ -77,6 +78,12 @@ impl Admin {
             }
             std::thread::sleep(pause);
         }
+    }
+
+    /// Answers what has come back from the loop, and looks at what is asked.
+    pub(in crate::runtime) fn round(&mut self, over: bool) {
+        self.settle();
+        self.serve(over);
     }
 
     /// Answers what has come back from the loop.
@@ -98,7 +105,7 @@ impl Admin {
                 // It was with a stop that expired before it does.
                 if batch.outcome == Outcome::Expired
                     && is_stop(&batch.changes)
-                    && MonotonicClock.now_ns() < asked.header().expires_ns
+                    && self.clock.now_ns() < asked.header().expires_ns
                 {
                     self.accept(asked, AdminKind::Stop);
                 } else {
@@ -172,7 +179,7 @@ impl Admin {
     /// Whether a request is to be looked at at all.
     fn check(&self, asked: &Asked) -> Result<AdminKind, Refusal> {
         let header = asked.header();
-        let now_ns = MonotonicClock.now_ns();
+        let now_ns = self.clock.now_ns();
         if now_ns >= header.expires_ns {
             return Err(expired());
         }
@@ -305,6 +312,7 @@ impl Admin {
             attached: self.attached.map(|(_, attached)| attached).unwrap_or_default(),
             uptime: self.started.elapsed(),
             tally: self.tally,
+            now_ns: self.clock.now_ns(),
             worker_panics: self.shared.board.worker_panics.load(Ordering::Relaxed),
             shared: &self.shared,
         }
