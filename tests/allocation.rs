@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use clearway::audit;
 use clearway::channel::{StateReader, Transport};
+use clearway::clock::{Clock, MonotonicClock};
 use clearway::config::Config;
 use clearway::controller::{Decision, RobotGroup, Robots, Timing, rows_max};
 use clearway::evaluation;
@@ -18,7 +19,7 @@ use clearway::model::Command;
 use clearway::runtime::{Daemon, Decider, Until};
 use clearway::scenario::Scenario;
 use clearway::solver::ClarabelSolver;
-use clearway::wire::{RobotState, StopReason};
+use clearway::wire::{AdminCode, AdminKind, AdminRequest, AdminRobot, RobotState, StopReason};
 use support::{World, config};
 
 /// Counts every allocation of every thread.
@@ -284,4 +285,50 @@ fn regions_of_a_large_fleet_are_answered_without_allocating_and_a_crowd_is_stopp
     }
     assert_eq!(mine().unwrap().so_far().since(before), Allocated::default());
     assert!(crowded > 0);
+}
+
+/// Goals for one robot among pillars, as many as a period takes and more: its routes come ready-made.
+#[test]
+fn workers_build_no_route_however_many_goals_come_at_once() {
+    let world = World::new("allocation_goals");
+    let mut config = config(&world, Scenario::builtin("pillars-8").unwrap(), 5 * T);
+    config.timing.workers = Some(1);
+    let robot = config.scenario.robots[0];
+    let channel = config.channel.clone();
+    let daemon = Daemon::start(config, Until::Stopped).unwrap();
+    let worker = named("clearway-w0");
+    let node = Transport::new("default", &channel).unwrap().attach("test").unwrap();
+    let ports = [(); 2].map(|()| node.admin().unwrap());
+    let (mut before, mut done) = (Allocated::default(), 0);
+    for round in 0..60_u32 {
+        if round == 10 {
+            before = worker.so_far();
+        }
+        let ask = |n: u32| {
+            let request = AdminRequest {
+                expires_ns: MonotonicClock.now_ns() + 30_000_000_000,
+                kind: AdminKind::SetGoals as u32,
+                ..AdminRequest::default()
+            };
+            // Away from everybody's goals.
+            let goal_x_m = 20.0 + f64::from(round) + f64::from(n) * 0.1;
+            let goal = AdminRobot { id: robot.id.0, goal_x_m, ..AdminRobot::default() };
+            ports[n as usize % 2].ask(&request, &[goal]).unwrap()
+        };
+        let waiting: Vec<_> = (0..8).map(ask).collect();
+        for one in waiting {
+            let answer = loop {
+                if let Some((answer, _)) = one.answer().unwrap() {
+                    break answer;
+                }
+                assert!(!daemon.is_finished());
+                std::thread::sleep(std::time::Duration::from_micros(100));
+            };
+            done += u32::from(answer.code == AdminCode::Done as u32);
+        }
+    }
+    assert_eq!(worker.so_far().since(before), Allocated::default());
+    assert!(done >= 60, "{done} goals");
+    daemon.stop();
+    assert_eq!(daemon.join().unwrap().control.violations, 0);
 }

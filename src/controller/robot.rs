@@ -1,7 +1,8 @@
 //! One robot's controller: its guidance memory, and its way from the states to a decision.
 
 use super::check::{is_safe, speed_limit_mps};
-use super::{Decision, Law, RouteShelf, Workspace, printed, rows};
+use super::shelf::{Found, PreparedRoute, RouteShelf};
+use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
 use crate::geometry::{Vec2, bearing, wrap};
@@ -35,6 +36,8 @@ pub(super) struct RobotController {
     radius_m: f64,
     memory: Memory,
     route: Route,
+    /// A route that it took before the state that tells its goal.
+    early: Option<Box<PreparedRoute>>,
     goal_m: Vec2,
     views: Vec<ObstacleView>,
     near_views: Vec<ObstacleView>,
@@ -151,6 +154,7 @@ impl RobotController {
             } else {
                 Route::build(&views, state.goal_m())
             },
+            early: None,
             goal_m: state.goal_m(),
             near_views: Vec::with_capacity(views.len()),
             views,
@@ -190,36 +194,45 @@ impl RobotController {
     }
 
     /// Takes in who stands here and where it is to go: with another robot or another goal everything
-    /// that was remembered is void.
-    pub(super) fn follow(&mut self, law: &Law, own: &RobotState, shelf: Option<&RouteShelf>) {
+    /// that was remembered is void. Whether it could: not when the shelf is ahead of the state, which then
+    /// is not the newest.
+    pub(super) fn follow(&mut self, law: &Law, own: &RobotState, shelf: Option<&RouteShelf>) -> bool {
         let (goal_m, same_body) = (own.goal_m(), own.radius_m == self.radius_m);
         if own.robot() == self.id && same_body && goal_m == self.goal_m {
-            return;
+            return true;
+        }
+        let keep_m = law.limits.safety_margin_m + own.radius_m;
+        let vacant = own.has(state_flags::VACANT);
+        let found = match shelf.filter(|_| !vacant) {
+            Some(shelf) => shelf.exchange(self.index, (keep_m, goal_m), &mut self.route, &mut self.early),
+            None => Found::Nothing,
+        };
+        if found == Found::Newer {
+            return false;
         }
         (self.id, self.radius_m, self.goal_m) = (own.robot(), own.radius_m, goal_m);
         (self.memory, self.last_intent) = (Memory::default(), RobotIntent::default());
-        let keep_m = law.limits.safety_margin_m + own.radius_m;
         for view in &mut self.views {
             view.keep_m = keep_m;
         }
-        if own.has(state_flags::VACANT) {
-            return;
-        }
-        let found = shelf.is_some_and(|shelf| shelf.exchange(self.index, keep_m, goal_m, &mut self.route));
-        if !found {
+        if found == Found::Nothing && !vacant {
             self.route = Route::build(&self.views, goal_m);
         }
+        true
     }
 
     /// The whole step for one period.
     pub(super) fn decide(&mut self, law: &Law, fleet: &[RobotState], work: &mut Workspace) -> Decision {
         let started = Instant::now();
         let own = &fleet[self.index];
-        self.follow(law, own, work.shelf.as_deref());
+        let current = self.follow(law, own, work.shelf.as_deref());
         let mut telemetry =
             RobotTelemetry { id: self.id.0, clearance_m: f64::INFINITY, ..RobotTelemetry::default() };
         let command = if let Some(reason) = stands(own) {
             RobotCommand::stop(self.id, reason)
+        } else if !current {
+            // The next state is out: nobody waits for an answer to this one any more.
+            RobotCommand::stop(self.id, StopReason::Deadline)
         } else if own.has(state_flags::VALID) {
             match self.solve(law, fleet, work, &mut telemetry) {
                 Ok(command) => RobotCommand::verified(self.id, command),

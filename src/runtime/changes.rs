@@ -16,14 +16,14 @@ impl<C: Clock> ControlLoop<C> {
                 return;
             }
             let Some(mut batch) = self.desk.todo.pop() else { return };
-            batch.outcome = self.outcome(&batch, tick, now_ns);
+            batch.outcome = self.outcome(&mut batch, tick, now_ns);
             self.memory.refusals +=
                 u64::from(matches!(batch.outcome, Outcome::Expired | Outcome::TooClose { .. }));
             let _ = self.desk.done.push(batch);
         }
     }
 
-    fn outcome(&mut self, batch: &Batch, tick: u64, now_ns: u64) -> Outcome {
+    fn outcome(&mut self, batch: &mut Batch, tick: u64, now_ns: u64) -> Outcome {
         let independent = batch.changes.iter().all(|change| matches!(change, Change::Hold { .. }));
         if now_ns >= batch.expires_ns {
             return Outcome::Expired;
@@ -40,6 +40,12 @@ impl<C: Clock> ControlLoop<C> {
         }
         for change in &batch.changes {
             self.change(change);
+        }
+        // Before the state that tells the goals: no worker ever has to build a route.
+        if let Some(shelf) = &self.desk.shelf {
+            for (place, route) in &mut batch.routes {
+                *route = route.take().and_then(|route| shelf.place(*place, route));
+            }
         }
         Outcome::Done { tick }
     }

@@ -173,7 +173,7 @@ impl Daemon {
             transport,
             config: Arc::clone(&config),
             board: Arc::clone(&board),
-            desk: Arc::new(Desk::new(admin::desk_size(&config))),
+            desk: Arc::new(Desk::new(admin::desk_size(&config)).with_shelf(shelf)),
             // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
             // unlike the wall clock it cannot be set back.
             epoch: MonotonicClock.now_ns(),
@@ -190,7 +190,7 @@ impl Daemon {
             housekeeping: None,
             admin: None,
         };
-        daemon.spawn_all(&common, until, &placement, auditor, shelf, make)?;
+        daemon.spawn_all(&common, until, &placement, auditor, make)?;
         Ok(daemon)
     }
 
@@ -200,7 +200,6 @@ impl Daemon {
         until: Until,
         placement: &Placement,
         auditor: Option<Auditor<ClarabelSolver>>,
-        shelf: Arc<RouteShelf>,
         make: F,
     ) -> Result<(), DaemonError>
     where
@@ -249,21 +248,15 @@ impl Daemon {
             return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
         }
         self.spawn_housekeeping(common, until, periods, solves, auditor)?;
-        self.spawn_admin(common, until, shelf)?;
+        self.spawn_admin(common, until)?;
         go.send(()).map_err(|_| DaemonError::Panicked { thread: "loop" })
     }
 
-    fn spawn_admin(
-        &mut self,
-        common: &Common,
-        until: Until,
-        shelf: Arc<RouteShelf>,
-    ) -> Result<(), DaemonError> {
+    fn spawn_admin(&mut self, common: &Common, until: Until) -> Result<(), DaemonError> {
         let shared = admin::Shared {
             config: Arc::clone(&common.config),
             board: Arc::clone(&common.board),
             desk: Arc::clone(&common.desk),
-            shelf,
             progress: Arc::clone(&self.progress),
             realtime: self.realtime.clone(),
             workers: self.workers.len(),

@@ -1,5 +1,8 @@
+use std::sync::Arc;
+
 use crossbeam::queue::ArrayQueue;
 
+use crate::controller::{PreparedRoute, RouteShelf};
 use crate::geometry::Vec2;
 use crate::model::RobotSpec;
 
@@ -40,6 +43,8 @@ pub(super) struct Batch {
     /// Refusals of the loop that were known when it was checked.
     pub(super) refusals_known: u64,
     pub(super) changes: Vec<Change>,
+    /// The routes to the goals among them, by place; what they replaced once it was carried out.
+    pub(super) routes: Vec<(usize, Option<Box<PreparedRoute>>)>,
     pub(super) outcome: Outcome,
 }
 
@@ -49,12 +54,20 @@ pub(super) struct Batch {
 pub(super) struct Desk {
     pub(super) todo: ArrayQueue<Box<Batch>>,
     pub(super) done: ArrayQueue<Box<Batch>>,
+    /// Where the workers find the routes to the goals that the next state tells.
+    pub(super) shelf: Option<Arc<RouteShelf>>,
 }
 
 impl Desk {
     /// With room for `batches` at a time: the most that one period carries out.
     pub(super) fn new(batches: usize) -> Self {
         // Twice: a batch may wait for its answer while as many new ones are on their way.
-        Self { todo: ArrayQueue::new(batches.max(1)), done: ArrayQueue::new(2 * batches.max(1)) }
+        let (todo, done) = (ArrayQueue::new(batches.max(1)), ArrayQueue::new(2 * batches.max(1)));
+        Self { todo, done, shelf: None }
+    }
+
+    /// Puts the routes to new goals on `shelf` when they are carried out.
+    pub(super) fn with_shelf(self, shelf: Arc<RouteShelf>) -> Self {
+        Self { shelf: Some(shelf), ..self }
     }
 }

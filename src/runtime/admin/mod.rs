@@ -22,7 +22,6 @@ use super::progress::Progress;
 use crate::channel::Transport;
 use crate::clock::MonotonicClock;
 use crate::config::Config;
-use crate::controller::RouteShelf;
 use crate::realtime::Achieved;
 pub(super) use thread::Admin;
 
@@ -31,7 +30,6 @@ pub(super) struct Shared {
     pub(super) config: Arc<Config>,
     pub(super) board: Arc<Board>,
     pub(super) desk: Arc<Desk>,
-    pub(super) shelf: Arc<RouteShelf>,
     pub(super) progress: Arc<Mutex<Progress>>,
     pub(super) realtime: Achieved,
     pub(super) workers: usize,

@@ -91,6 +91,9 @@ impl<C: Clock> Admin<C> {
         while let Some(batch) = self.shared.desk.done.pop() {
             let Some(at) = self.under_way.iter().position(|one| one.key == batch.key) else { continue };
             self.under_way.remove(at);
+            if let Some(shelf) = &self.shared.desk.shelf {
+                batch.routes.iter().for_each(|(place, _)| shelf.sweep(*place));
+            }
             if let Outcome::Done { .. } = batch.outcome {
                 batch.changes.iter().for_each(|change| self.carried_out.apply(change));
             }
@@ -226,13 +229,14 @@ impl<C: Clock> Admin<C> {
         for change in &changes {
             self.plan.apply(change);
         }
-        self.prepare_routes(&changes);
+        let routes = self.prepare_routes(&changes);
         let key = self.next_key;
         let batch = Batch {
             key,
             expires_ns: asked.header().expires_ns,
             refusals_known: self.refusals_known,
             changes: changes.clone(),
+            routes,
             outcome: Outcome::Waiting,
         };
         if self.shared.desk.todo.push(Box::new(batch)).is_err() {
@@ -248,15 +252,16 @@ impl<C: Clock> Admin<C> {
     }
 
     /// Builds what the workers will need, before the loop tells them.
-    fn prepare_routes(&self, changes: &[Change]) {
+    fn prepare_routes(&self, changes: &[Change]) -> Vec<(usize, Option<Box<PreparedRoute>>)> {
         let scenario = &self.shared.config.scenario;
-        for change in changes {
-            let (Change::Goal { place, .. } | Change::Add { place, .. }) = *change else { continue };
-            let Some(robot) = self.plan.robot(place) else { continue };
-            let robot = RobotState::at_start(robot);
+        let build = |change: &Change| {
+            let (Change::Goal { place, .. } | Change::Add { place, .. }) = *change else { return None };
+            let robot = RobotState::at_start(self.plan.robot(place)?);
             let margin_m = scenario.limits.safety_margin_m;
-            self.shared.shelf.put(place, PreparedRoute::build(&scenario.obstacles, margin_m, &robot));
-        }
+            let route = PreparedRoute::build(&scenario.obstacles, margin_m, &robot);
+            Some((place, Some(Box::new(route))))
+        };
+        changes.iter().filter_map(build).collect()
     }
 
     /// Answers a request that changes nothing.
