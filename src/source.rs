@@ -8,14 +8,14 @@
 //! takes no commands; its pose stays where it was seen, with how far it may have come since. World
 //! frame, metres, radians, `CLOCK_MONOTONIC` ns. Neither allocates after it is made.
 
-use crate::admission::{Admission, Rejections};
-use crate::channel::ObservationReader;
+use crate::admission::{Admission, Rejection, Rejections};
+use crate::channel::{NotCopied, ObservationReader};
 use crate::config::SourceConfig;
 use crate::geometry::{Arc, Pose};
 use crate::model::{Command, Disturbance, RobotId, RobotSpec};
 use crate::plant::Plant;
 use crate::scenario::Scenario;
-use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand, RobotState, state_flags};
+use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand, RobotObservation, RobotState, state_flags};
 
 /// Observation samples looked at in one period for each robot; the rest waits, and is then stale.
 const SAMPLES_PER_ROBOT: usize = 16;
@@ -128,6 +128,8 @@ pub struct Observed {
     stillness: Vec<Stillness>,
     frozen_robots: u64,
     reader: ObservationReader,
+    /// The sample that is looked at: a copy that nobody else can write to.
+    copy: Vec<RobotObservation>,
     admission: Admission,
     held: Held,
     carried: Vec<Option<Carried>>,
@@ -181,6 +183,7 @@ impl Observed {
             stillness: vec![Stillness::default(); robots],
             frozen_robots: 0,
             reader,
+            copy: Vec::with_capacity(robots),
             admission: Admission::new(scenario, config, period_ns).with_places(robots),
             held: Held::new(robots, history(config.max_age_or_default_ns(period_ns), period_ns)),
             carried: vec![None; robots],
@@ -235,14 +238,15 @@ impl StateSource for Observed {
     fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
         for _ in 0..self.samples_max {
             // A writer that cannot be mapped is one that is not heard: its robots become stale.
-            let Ok(Some(sample)) = self.reader.next() else { break };
-            self.admission.sample(
-                sample.writer(),
-                sample.header(),
-                sample.robots(),
-                instant.epoch,
-                instant.now_ns,
-            );
+            let Ok(Some(sample)) = self.reader.next_unverified() else { break };
+            match sample.copy_to(&mut self.copy, self.carried.len()) {
+                Ok(header) => {
+                    let (epoch, now_ns) = (instant.epoch, instant.now_ns);
+                    self.admission.sample(sample.writer(), &header, &self.copy, epoch, now_ns);
+                }
+                Err(NotCopied::Corrupt) => self.admission.refuse(Rejection::Corrupt),
+                Err(NotCopied::TooLong) => self.admission.refuse(Rejection::Oversize),
+            }
         }
         for (index, state) in states.iter_mut().enumerate() {
             if state.has(state_flags::VACANT) {

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use clearway::wire::RobotCheckpoint;
+
 /// A field's name, offset and type.
 type Field = (String, usize, String);
 
@@ -24,7 +26,7 @@ fn records(source: &str) -> Vec<(String, Vec<Field>)> {
                 "u64" => ("u64", 8),
                 "f64" => ("f64", 8),
                 "RobotIntent" => ("RobotIntent", 64),
-                "[u64; RobotCheckpoint::WORDS]" => ("24 × u64", 192),
+                "[u64; RobotCheckpoint::WORDS]" => ("32 × u64", 8 * RobotCheckpoint::WORDS),
                 other => panic!("{other} is not a type of the wire"),
             };
             found.last_mut().unwrap().1.push((name.to_owned(), offset, kind.to_owned()));

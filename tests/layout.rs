@@ -53,7 +53,7 @@ fn records() -> String {
 /// What the daemon publishes for everybody.
 fn published() -> String {
     let mut text = String::new();
-    record!(text, StateHeader { epoch, tick, stamp_ns, release_ns, period_ns });
+    record!(text, StateHeader { epoch, tick, stamp_ns, release_ns, period_ns, records, checksum });
     text += ",\n";
     record!(
         text,
@@ -88,7 +88,19 @@ fn published() -> String {
         }
     );
     text += ",\n";
-    record!(text, CommandHeader { epoch, tick, stamp_ns, state_stamp_ns, valid_from_ns, valid_until_ns });
+    record!(
+        text,
+        CommandHeader {
+            epoch,
+            tick,
+            stamp_ns,
+            state_stamp_ns,
+            valid_from_ns,
+            valid_until_ns,
+            records,
+            checksum
+        }
+    );
     text += ",\n";
     record!(text, RobotCommand { id, stop_reason, v_mps, omega_radps });
     text += ",\n";
@@ -109,6 +121,8 @@ fn published() -> String {
             audited,
             audit_disagreed,
             audit_max_input_gap,
+            records,
+            checksum,
         }
     );
     text += ",\n";
@@ -146,11 +160,11 @@ fn published() -> String {
 /// What it receives and answers, and what it keeps.
 fn received() -> String {
     let mut text = String::new();
-    record!(text, ObservationHeader { epoch, sequence, stamp_ns });
+    record!(text, ObservationHeader { epoch, sequence, stamp_ns, records, checksum });
     text += ",\n";
     record!(text, RobotObservation { id, reserved, x_m, y_m, theta_rad });
     text += ",\n";
-    record!(text, CheckpointHeader { epoch, tick, skipped_periods, commands_published });
+    record!(text, CheckpointHeader { epoch, tick, skipped_periods, commands_published, records, checksum });
     text += ",\n";
     record!(text, RobotCheckpoint { id, flags, words });
     text += ",\n";

@@ -211,6 +211,7 @@ fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, 
             state_stamp_ns: release_ns,
             valid_from_ns: release_ns + T,
             valid_until_ns: release_ns + 2 * T,
+            ..CommandHeader::default()
         };
         source.commit(&header, &commands, release_ns);
         for (index, command) in commands.iter().enumerate() {

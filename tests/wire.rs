@@ -24,18 +24,20 @@ fn name<T: ZeroCopySend>() -> &'static str {
 #[test]
 fn names_sizes_and_alignments() {
     let words = |n: usize| vec![8; n];
+    // Number of records and checksum stand at the end.
+    let sealed = |n: usize| [words(n), vec![4, 4]].concat();
     let ids_then = |n: usize| [vec![4, 4], words(n)].concat();
-    assert_eq!(layout::<StateHeader>(&words(5)), ("clearway.v1.StateHeader", 40, 8));
+    assert_eq!(layout::<StateHeader>(&sealed(5)), ("clearway.v1.StateHeader", 48, 8));
     assert_eq!(layout::<RobotIntent>(&[words(7), vec![4, 4]].concat()), ("clearway.v1.RobotIntent", 64, 8));
     assert_eq!(
         layout::<RobotState>(&[ids_then(9), vec![size_of::<RobotIntent>()]].concat()),
         ("clearway.v1.RobotState", 144, 8)
     );
-    assert_eq!(layout::<CommandHeader>(&words(6)), ("clearway.v1.CommandHeader", 48, 8));
+    assert_eq!(layout::<CommandHeader>(&sealed(6)), ("clearway.v1.CommandHeader", 56, 8));
     assert_eq!(layout::<RobotCommand>(&ids_then(2)), ("clearway.v1.RobotCommand", 24, 8));
-    assert_eq!(layout::<ObservationHeader>(&words(3)), ("clearway.v1.ObservationHeader", 24, 8));
+    assert_eq!(layout::<ObservationHeader>(&sealed(3)), ("clearway.v1.ObservationHeader", 32, 8));
     assert_eq!(layout::<RobotObservation>(&ids_then(3)), ("clearway.v1.RobotObservation", 32, 8));
-    assert_eq!(layout::<TelemetryHeader>(&words(14)), ("clearway.v1.TelemetryHeader", 112, 8));
+    assert_eq!(layout::<TelemetryHeader>(&sealed(14)), ("clearway.v1.TelemetryHeader", 120, 8));
     assert_eq!(
         layout::<RobotTelemetry>(&[vec![4; 8], words(15)].concat()),
         ("clearway.v1.RobotTelemetry", 152, 8)
@@ -46,13 +48,18 @@ fn names_sizes_and_alignments() {
         layout::<AdminAnswer>(&[words(4), vec![4; 4], words(17), vec![4; 14]].concat()),
         ("clearway.v1.AdminAnswer", 240, 8)
     );
-    assert_eq!(layout::<CheckpointHeader>(&words(4)), ("clearway.v1.CheckpointHeader", 32, 8));
+    assert_eq!(layout::<CheckpointHeader>(&sealed(4)), ("clearway.v1.CheckpointHeader", 40, 8));
     assert_eq!(layout::<RobotCheckpoint>(&ids_then(32)), ("clearway.v1.RobotCheckpoint", 264, 8));
 }
 
 #[test]
 fn fields_that_every_reader_needs_stay_where_they_are() {
     assert_eq!(offset_of!(StateHeader, tick), 8);
+    assert_eq!((offset_of!(StateHeader, records), offset_of!(StateHeader, checksum)), (40, 44));
+    assert_eq!((offset_of!(CommandHeader, records), offset_of!(CommandHeader, checksum)), (48, 52));
+    assert_eq!((offset_of!(ObservationHeader, records), offset_of!(ObservationHeader, checksum)), (24, 28));
+    assert_eq!((offset_of!(TelemetryHeader, records), offset_of!(TelemetryHeader, checksum)), (112, 116));
+    assert_eq!((offset_of!(CheckpointHeader, records), offset_of!(CheckpointHeader, checksum)), (32, 36));
     assert_eq!(offset_of!(RobotState, flags), 4);
     assert_eq!(offset_of!(RobotState, x_m), 8);
     assert_eq!(offset_of!(RobotState, v_mps), 32);
@@ -84,10 +91,11 @@ fn codes_of_stop_reasons_are_fixed() {
         "paused",
         "stopped",
         "vacant",
+        "corrupt",
     ];
     assert_eq!(codes, (1..).zip(expected).collect::<Vec<_>>());
     assert!(StopReason::ALL.iter().all(|reason| StopReason::from_code(*reason as u32) == Some(*reason)));
-    assert_eq!((StopReason::from_code(0), StopReason::from_code(13)), (None, None));
+    assert_eq!((StopReason::from_code(0), StopReason::from_code(14)), (None, None));
 }
 
 #[test]

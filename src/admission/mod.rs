@@ -106,7 +106,12 @@ impl Admission {
         self
     }
 
-    /// Takes one sample of writer `writer`, received at `now_ns` by a daemon whose run is `epoch`.
+    /// Counts a sample that was refused before anybody looked at what it says.
+    pub(crate) fn refuse(&mut self, reason: Rejection) {
+        self.rejections.count(reason);
+    }
+
+    /// Takes one sample of writer `writer`, its checksum already verified, received at `now_ns` by a daemon whose run is `epoch`.
     ///
     /// The slice is foreign memory: each record is copied before it is looked at.
     pub fn sample(

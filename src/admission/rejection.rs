@@ -30,11 +30,13 @@ pub enum Rejection {
     /// Further from the last good pose than the robot can have driven; in quarantine until enough
     /// samples agree with each other.
     Jump,
+    /// Not what its writer sealed: changed in memory, half written, or meant for another channel or fleet.
+    Corrupt,
 }
 
 impl Rejection {
     /// Every reason.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::UnknownRobot,
@@ -48,6 +50,7 @@ impl Rejection {
         Self::Stale,
         Self::Future,
         Self::Jump,
+        Self::Corrupt,
     ];
 
     /// The name in reports and logs.
@@ -66,6 +69,7 @@ impl Rejection {
             Self::Stale => "stale",
             Self::Future => "future",
             Self::Jump => "jump",
+            Self::Corrupt => "corrupt",
         }
     }
 }

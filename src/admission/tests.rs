@@ -33,7 +33,7 @@ fn admission_of(foreign_speed_mps: Option<f64>) -> Admission {
 }
 
 fn header(sequence: u64, stamp_ns: u64) -> ObservationHeader {
-    ObservationHeader { epoch: EPOCH, sequence, stamp_ns }
+    ObservationHeader { epoch: EPOCH, sequence, stamp_ns, ..ObservationHeader::default() }
 }
 
 fn at(id: u32, x_m: f64) -> RobotObservation {
@@ -204,6 +204,7 @@ proptest! {
                 epoch: if w[0] % 2 == 0 { EPOCH } else { w[0] },
                 sequence: if w[1] % 2 == 0 { n as u64 } else { w[1] },
                 stamp_ns: if w[2] % 2 == 0 { now } else { w[2] },
+                ..ObservationHeader::default()
             };
             let record = RobotObservation {
                 id: if w[3] % 2 == 0 { 3 } else { u32::try_from(w[3] >> 32).unwrap() },

@@ -137,7 +137,8 @@ pub struct Subscriber<R: Record> {
 }
 
 impl<R: Record> Subscriber<R> {
-    /// The oldest sample that has not been read, if there is one. Does not wait.
+    /// The oldest sample that has not been read, if there is one. Does not wait. What was corrupted on its
+    /// way is left out and counted.
     ///
     /// # Errors
     /// [`ChannelError::Transfer`] when too many samples are held.
@@ -146,7 +147,21 @@ impl<R: Record> Subscriber<R> {
         self.reader.next()
     }
 
-    /// The newest sample, if any arrived; drops those before it. Does not wait.
+    /// Copies the oldest sample that has not been read to `records` and verifies the copy; its header. For
+    /// who moves a robot by it. Does not wait.
+    ///
+    /// # Errors
+    /// Those of [`Subscriber::next`].
+    pub fn next_copy(&mut self, records: &mut Vec<R>) -> Result<Option<R::Header>, ChannelError> {
+        self.reader.next_copy(records)
+    }
+
+    /// Samples so far that were corrupted on their way, and were not handed out.
+    pub fn corrupt(&self) -> u64 {
+        self.reader.corrupt()
+    }
+
+    /// The newest sample, if any arrived and is intact; drops those before it. Does not wait.
     ///
     /// # Errors
     /// Those of [`Subscriber::next`].

@@ -47,7 +47,7 @@ impl Attachment {
         if !R::topic(memory).join(R::CHANNEL.max_writers(settings)) {
             return Err(ChannelError::Owned { fleet: fleet.clone(), owner: None });
         }
-        Ok(Writer::local(LocalWriter::new(memory, robots)))
+        Ok(Writer::local(LocalWriter::new(memory, robots), R::CHANNEL.seal(fleet)))
     }
 
     /// Attaches to a channel that exists.
@@ -57,7 +57,9 @@ impl Attachment {
     pub fn reader<R: Record>(&self) -> Result<Reader<R>, ChannelError> {
         match &self.place {
             Place::Shared(node) => node.reader(),
-            Place::Local { memory, .. } => Ok(Reader::local(R::topic(memory).subscribe())),
+            Place::Local { memory, fleet, .. } => {
+                Ok(Reader::local(R::topic(memory).subscribe(), R::CHANNEL.seal(fleet)))
+            }
         }
     }
 

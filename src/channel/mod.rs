@@ -48,6 +48,7 @@ pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};
 pub use attachment::Attachment;
 pub use error::{ChannelError, Owner};
 pub use node::{Attached, Census, CleanUp, Member, Transport};
+pub(crate) use reader::NotCopied;
 pub use reader::{Reader, Received};
 pub use record::{Channel, Record};
 pub use writer::Writer;

@@ -86,7 +86,7 @@ impl Transport {
 
     /// Full name of a channel.
     pub fn service_name(&self, channel: Channel) -> String {
-        format!("clearway/{}/v1/{}", self.fleet, channel.name())
+        channel.service_name(&self.fleet)
     }
 
     /// Full name of the `admin` channel.
@@ -305,7 +305,9 @@ impl SharedNode {
             })
             .create();
         match created {
-            Ok(publisher) => Ok(Writer::new(publisher, robots, discarded)),
+            Ok(publisher) => {
+                Ok(Writer::new(publisher, robots, R::CHANNEL.seal(&self.transport.fleet), discarded))
+            }
             Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => Err(ChannelError::Owned {
                 fleet: self.transport.fleet.clone(),
                 owner: self.owner_of(service),
@@ -486,7 +488,10 @@ impl SharedNode {
         &self,
         service: &Service<ipc::Service, [R], R::Header>,
     ) -> Result<Reader<R>, ChannelError> {
-        service.subscriber_builder().create().map(Reader::new).map_err(|e| self.port_error::<R>(&e))
+        let created = service.subscriber_builder().create();
+        created
+            .map(|port| Reader::new(port, R::CHANNEL.seal(&self.transport.fleet)))
+            .map_err(|e| self.port_error::<R>(&e))
     }
 
     fn open<R: Record>(&self) -> Result<Service<ipc::Service, [R], R::Header>, ChannelError> {

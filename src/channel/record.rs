@@ -1,12 +1,13 @@
 use std::fmt::Debug;
 
+use bytemuck::Pod;
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::memory::{Memory, Topic};
 use crate::config::ChannelConfig;
 use crate::wire::{
-    CheckpointHeader, CommandHeader, ObservationHeader, RobotCheckpoint, RobotCommand, RobotObservation,
-    RobotState, RobotTelemetry, StateHeader, TelemetryHeader,
+    CheckpointHeader, CommandHeader, Header, ObservationHeader, RobotCheckpoint, RobotCommand,
+    RobotObservation, RobotState, RobotTelemetry, Seal, StateHeader, TelemetryHeader,
 };
 
 /// Shared memory that a channel may fill when its depth is not set.
@@ -45,6 +46,16 @@ impl Channel {
         }
     }
 
+    /// The channel's full name in the fleet `fleet`.
+    pub fn service_name(self, fleet: &str) -> String {
+        format!("clearway/{fleet}/v1/{}", self.name())
+    }
+
+    /// The seal of its samples.
+    pub fn seal(self, fleet: &str) -> Seal {
+        Seal::of(&self.service_name(fleet))
+    }
+
     /// Whether a slow reader loses its oldest samples; otherwise it does not get the newest.
     pub(super) fn overwrites_oldest(self) -> bool {
         !matches!(self, Self::Telemetry | Self::Checkpoint)
@@ -73,9 +84,9 @@ impl Channel {
 }
 
 /// A record that has a channel of its own.
-pub trait Record: ZeroCopySend + Debug + Default + Copy + 'static {
+pub trait Record: ZeroCopySend + Pod + Debug + Default {
     /// What stands once at the head of a sample.
-    type Header: ZeroCopySend + Debug + Default + Copy + 'static;
+    type Header: Header + ZeroCopySend + Debug;
     /// Where it travels.
     const CHANNEL: Channel;
 

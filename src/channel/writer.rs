@@ -8,11 +8,13 @@ use iceoryx2::sample_mut::SampleMut;
 
 use super::memory::LocalWriter;
 use super::{ChannelError, Record};
+use crate::wire::Seal;
 
 /// Writes samples of a fixed number of records, in place.
 #[derive(Debug)]
 pub struct Writer<R: Record> {
     port: Port<R>,
+    seal: Seal,
 }
 
 #[derive(Debug)]
@@ -35,13 +37,14 @@ impl<R: Record> Writer<R> {
     pub(super) fn new(
         publisher: Publisher<ipc::Service, [R], R::Header>,
         robots: usize,
+        seal: Seal,
         discarded: Arc<AtomicU64>,
     ) -> Self {
-        Self { port: Port::Shared(Shared { next: None, publisher, robots, discarded }) }
+        Self { port: Port::Shared(Shared { next: None, publisher, robots, discarded }), seal }
     }
 
-    pub(super) fn local(writer: LocalWriter<R>) -> Self {
-        Self { port: Port::Local(writer) }
+    pub(super) fn local(writer: LocalWriter<R>, seal: Seal) -> Self {
+        Self { port: Port::Local(writer), seal }
     }
 
     pub(super) fn discard_counter() -> Arc<AtomicU64> {
@@ -59,15 +62,20 @@ impl<R: Record> Writer<R> {
         }
     }
 
-    /// Fills the next sample with `fill` and sends it. Allocates only if it was not prepared.
+    /// Fills the next sample with `fill`, seals and sends it. Allocates only if it was not prepared.
     ///
     /// # Errors
     /// [`ChannelError::NotLoaned`] when nothing went out; [`ChannelError::Transfer`] when it did, but
     /// not to every reader.
     pub fn publish(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
+        let seal = self.seal;
+        let sealed = |header: &mut R::Header, records: &mut [R]| {
+            fill(header, records);
+            seal.put(header, records);
+        };
         match &mut self.port {
-            Port::Shared(writer) => writer.publish(fill),
-            Port::Local(writer) => writer.publish(fill),
+            Port::Shared(writer) => writer.publish(sealed),
+            Port::Local(writer) => writer.publish(sealed),
         }
     }
 

@@ -20,6 +20,8 @@ pub struct Commands {
     pub expired: u64,
     /// Commands that were refused for another reason: old, out of order, beyond the limits.
     pub refused: u64,
+    /// Samples of commands that had changed in memory on their way, and were not looked at.
+    pub corrupt: u64,
     /// Times that a robot's command expired and there was no other: it stopped.
     pub ran_out: u64,
 }
@@ -157,6 +159,11 @@ impl RemoteRobots {
         if last && header.epoch == self.epoch {
             self.ended = Some(header.valid_until_ns);
         }
+    }
+
+    /// Learns how many samples of commands so far were corrupted, and therefore not heard.
+    pub fn not_heard(&mut self, corrupt: u64) {
+        self.commands.corrupt = corrupt;
     }
 
     /// Learns where its robots are to go now.

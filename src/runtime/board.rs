@@ -33,6 +33,10 @@ pub(super) struct Board {
     pub(super) staging: Staging,
     /// Who answers which part of the fleet.
     pub(super) regions: Regions,
+    /// One more than the tick whose state a worker found corrupted last.
+    corrupt: AtomicU64,
+    /// States that a worker found corrupted.
+    pub(super) corrupt_states: AtomicU64,
     /// Times that a worker panicked.
     pub(super) worker_panics: AtomicU64,
     /// Workers that panicked too often and stay down.
@@ -62,6 +66,8 @@ impl Board {
             stop: AtomicU32::new(0),
             regions: Regions::new(ids.len(), workers),
             staging: Staging::new(ids),
+            corrupt: AtomicU64::new(0),
+            corrupt_states: AtomicU64::new(0),
             worker_panics: AtomicU64::new(0),
             workers_lost: AtomicU64::new(0),
         }
@@ -93,6 +99,17 @@ impl Board {
         if before.is_ok_and(|busy| busy & BUSY == 1) {
             self.completions.notify();
         }
+    }
+
+    /// A worker found the state of `tick` corrupted and answers nothing. Before it is [done](Self::done).
+    pub(super) fn found_corrupt(&self, tick: u64) {
+        self.corrupt.fetch_max(tick.saturating_add(1), Ordering::Relaxed);
+        self.corrupt_states.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Whether a worker that is done with `tick` found its state corrupted.
+    pub(super) fn is_corrupt(&self, tick: u64) -> bool {
+        self.corrupt.load(Ordering::Relaxed) == tick.saturating_add(1)
     }
 
     /// Whether every worker is done with `tick`, which was released last.

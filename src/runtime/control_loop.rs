@@ -245,6 +245,7 @@ impl<C: Clock> ControlLoop<C> {
             stamp_ns,
             release_ns,
             period_ns: self.schedule.period_ns(),
+            ..StateHeader::default()
         };
         let states = &self.memory.states;
         let sent = self.states.publish(|head, robots| {
@@ -256,7 +257,7 @@ impl<C: Clock> ControlLoop<C> {
 
     /// Takes what is staged for `tick`; what is not there or not admissible becomes a stop.
     fn collect(&mut self, tick: u64) {
-        let memory = &mut self.memory;
+        let (memory, corrupt) = (&mut self.memory, self.board.is_corrupt(tick));
         let answers = memory.commands.iter_mut().zip(&mut memory.intents);
         for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
             let staged = self.board.staging.take(index, tick);
@@ -267,6 +268,7 @@ impl<C: Clock> ControlLoop<C> {
                 _ if state.has(state_flags::STOPPED) => stop(StopReason::Stopped),
                 _ if state.has(state_flags::PAUSED) => stop(StopReason::Paused),
                 _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
+                None if corrupt => stop(StopReason::Corrupt),
                 None => stop(StopReason::Deadline),
                 Some((staged, _)) if staged.stop_reason != 0 => {
                     RobotCommand { id: state.id, v_mps: 0.0, omega_radps: 0.0, ..staged }
@@ -305,6 +307,7 @@ impl<C: Clock> ControlLoop<C> {
             state_stamp_ns,
             valid_from_ns,
             valid_until_ns: self.schedule.release_ns(tick + 2),
+            ..CommandHeader::default()
         })
     }
 
@@ -319,6 +322,7 @@ impl<C: Clock> ControlLoop<C> {
             state_stamp_ns: stamp_ns,
             valid_from_ns: self.schedule.release_ns(first),
             valid_until_ns: self.schedule.release_ns(first + 1),
+            ..CommandHeader::default()
         });
         self.prepare();
     }
@@ -338,6 +342,7 @@ impl<C: Clock> ControlLoop<C> {
             state_stamp_ns: stamp_ns,
             valid_from_ns: stamp_ns,
             valid_until_ns: stamp_ns.saturating_add(self.schedule.period_ns()),
+            ..CommandHeader::default()
         });
     }
 

@@ -118,6 +118,7 @@ impl Housekeeper {
             if over {
                 self.say();
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
+                self.statistics.corrupt_states = self.board.corrupt_states.load(Ordering::Relaxed);
                 let audit = self.auditor.as_ref().map(Auditor::report);
                 return Findings { accumulator: self.accumulator, statistics: self.statistics, audit };
             }
@@ -327,6 +328,7 @@ fn publish_checkpoint(checkpoints: &mut Writer<RobotCheckpoint>, period: &Period
             tick: period.header.tick,
             skipped_periods: period.header.skipped_periods,
             commands_published: u64::from(period.published),
+            ..CheckpointHeader::default()
         };
         for (index, (robot, command)) in robots.iter_mut().zip(&period.commands).enumerate() {
             if let Some(known) = answer.and_then(|a| a.checkpoints.get(index)) {

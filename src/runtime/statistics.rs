@@ -35,6 +35,7 @@ pub(super) struct Statistics {
     pub(super) send_failures: u64,
     pub(super) lost_records: u64,
     pub(super) worker_panics: u64,
+    pub(super) corrupt_states: u64,
     logged: Logged,
 }
 
@@ -49,6 +50,7 @@ struct Logged {
     discarded: u64,
     failures: u64,
     panics: u64,
+    corrupt: u64,
     workers_lost: u64,
 }
 
@@ -76,6 +78,7 @@ impl Statistics {
             send_failures: 0,
             lost_records: 0,
             worker_panics: 0,
+            corrupt_states: 0,
             logged: Logged::default(),
         })
     }
@@ -158,6 +161,7 @@ impl Statistics {
             discarded,
             failures: self.send_failures,
             panics: board.worker_panics.load(Ordering::Relaxed),
+            corrupt: board.corrupt_states.load(Ordering::Relaxed),
             workers_lost: board.workers_lost.load(Ordering::Relaxed),
         };
         let before = std::mem::replace(&mut self.logged, now);
@@ -174,6 +178,11 @@ impl Statistics {
         line(now.lost, before.lost, "telemetry records lost: the housekeeping thread is too slow");
         line(now.discarded, before.discarded, "telemetry samples discarded: a reader is too slow");
         line(now.failures, before.failures, "samples that could not be loaned or sent to every reader");
+        line(
+            now.corrupt,
+            before.corrupt,
+            "states that changed in memory before a worker read them; its robots stopped",
+        );
         line(now.panics, before.panics, "worker panics; its robots stopped");
         line(now.workers_lost, before.workers_lost, "workers given up after repeated panics");
     }

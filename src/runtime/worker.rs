@@ -125,8 +125,14 @@ impl<C: Clock> Worker<C> {
     /// One period: from the state in shared memory to the staged commands.
     #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
     pub(super) fn period<D: Decider>(&mut self, tick: u64, decider: &mut D) {
+        let corrupt = self.states.corrupt();
         // Without the state of this very period there is nothing to stage, and the robots stop.
-        let Ok(Some(sample)) = self.states.newest() else { return };
+        let Ok(Some(sample)) = self.states.newest() else {
+            if self.states.corrupt() > corrupt {
+                self.board.found_corrupt(tick);
+            }
+            return;
+        };
         let header = *sample.header();
         if header.epoch != self.epoch || header.tick != tick || sample.robots().len() != self.robots {
             return;

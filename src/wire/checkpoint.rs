@@ -1,3 +1,4 @@
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bits of [`RobotCheckpoint::flags`].
@@ -11,7 +12,7 @@ pub mod checkpoint_flags {
 
 /// Header of a sample on `checkpoint`: one period of the loop.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.CheckpointHeader")]
 pub struct CheckpointHeader {
     /// Which run of the daemon.
@@ -22,12 +23,16 @@ pub struct CheckpointHeader {
     pub skipped_periods: u64,
     /// 1 when the commands that answer the state went out, 0 when it was too late for them.
     pub commands_published: u64,
+    /// Records of the sample.
+    pub records: u32,
+    /// CRC-32 of the channel's name, the header before this field, and the records.
+    pub checksum: u32,
 }
 
 /// One robot in a sample on `checkpoint`: what its controller remembered before it answered the
 /// state of the period. With that state and the configuration, the command can be computed again.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.RobotCheckpoint")]
 pub struct RobotCheckpoint {
     /// Id of the robot.

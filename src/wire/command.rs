@@ -1,4 +1,5 @@
 use crate::model::{Command, RobotId};
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Header of a sample on `command`.
@@ -6,7 +7,7 @@ use iceoryx2::prelude::ZeroCopySend;
 /// The commands act from `valid_from_ns` and expire at `valid_until_ns`; a receiver that holds an
 /// expired command stops.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.CommandHeader")]
 pub struct CommandHeader {
     /// Which run of the daemon: receivers refuse epochs older than the newest they saw.
@@ -21,11 +22,15 @@ pub struct CommandHeader {
     pub valid_from_ns: u64,
     /// From when they must not be used any more, `CLOCK_MONOTONIC` ns.
     pub valid_until_ns: u64,
+    /// Records of the sample.
+    pub records: u32,
+    /// CRC-32 of the channel's name, the header before this field, and the records.
+    pub checksum: u32,
 }
 
 /// One robot in a sample on `command`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.RobotCommand")]
 pub struct RobotCommand {
     /// Id of the robot.
@@ -83,11 +88,13 @@ pub enum StopReason {
     Stopped = 11,
     /// There is no robot: a free place of the fleet.
     Vacant = 12,
+    /// The state that its command would have answered had changed in memory on its way.
+    Corrupt = 13,
 }
 
 impl StopReason {
     /// Every reason, in the order of the codes.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Start,
         Self::Deadline,
         Self::Unverified,
@@ -100,6 +107,7 @@ impl StopReason {
         Self::Paused,
         Self::Stopped,
         Self::Vacant,
+        Self::Corrupt,
     ];
 
     /// Whether nothing went wrong: an operator wants it so, or nobody is there to be driven.
@@ -127,6 +135,7 @@ impl StopReason {
             Self::Paused => "paused",
             Self::Stopped => "stopped",
             Self::Vacant => "vacant",
+            Self::Corrupt => "corrupt",
         }
     }
 }

@@ -14,6 +14,7 @@ mod checkpoint;
 mod codes;
 mod command;
 mod observation;
+mod seal;
 mod state;
 mod telemetry;
 
@@ -23,6 +24,7 @@ pub use admin::{AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, adm
 pub use checkpoint::{CheckpointHeader, RobotCheckpoint, checkpoint_flags};
 pub use command::{CommandHeader, RobotCommand, StopReason};
 pub use observation::{ObservationHeader, RobotObservation};
+pub use seal::{Header, Seal};
 pub use state::{RobotIntent, RobotState, StateHeader, state_flags};
 pub use telemetry::{RobotTelemetry, SolveStatus, TelemetryHeader, telemetry_flags};
 

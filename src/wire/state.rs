@@ -1,5 +1,6 @@
 use crate::geometry::{Arc, Pose, Vec2};
 use crate::model::{Command, RobotId, RobotSpec};
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bits of [`RobotState::flags`].
@@ -21,7 +22,7 @@ pub mod state_flags {
 
 /// Header of a sample on `state`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.StateHeader")]
 pub struct StateHeader {
     /// Which run of the daemon: larger than every earlier one of this fleet.
@@ -34,11 +35,15 @@ pub struct StateHeader {
     pub release_ns: u64,
     /// Sampling period T, ns.
     pub period_ns: u64,
+    /// Records of the sample.
+    pub records: u32,
+    /// CRC-32 of the channel's name, the header before this field, and the records.
+    pub checksum: u32,
 }
 
 /// One robot in a sample on `state`: where it is at `t_k`, and the command it holds until `t_{k+1}`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.RobotState")]
 pub struct RobotState {
     /// Id of the robot.
@@ -76,7 +81,7 @@ pub struct RobotState {
 /// Written by the robot's guidance one period earlier; read by the guidance of its neighbours.
 /// Safety does not depend on it.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.RobotIntent")]
 pub struct RobotIntent {
     /// Heading it steers to, rad.

@@ -1,3 +1,4 @@
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bits of [`RobotTelemetry::flags`].
@@ -12,7 +13,7 @@ pub mod telemetry_flags {
 
 /// Header of a sample on `telemetry`: one period of the loop.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.TelemetryHeader")]
 pub struct TelemetryHeader {
     /// Which run of the daemon.
@@ -43,11 +44,15 @@ pub struct TelemetryHeader {
     pub audit_disagreed: u64,
     /// Largest difference of the inputs that the audit has seen, m/s or rad/s.
     pub audit_max_input_gap: f64,
+    /// Records of the sample.
+    pub records: u32,
+    /// CRC-32 of the channel's name, the header before this field, and the records.
+    pub checksum: u32,
 }
 
 /// One robot in a sample on `telemetry`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, Pod, Zeroable)]
 #[type_name("clearway.v1.RobotTelemetry")]
 pub struct RobotTelemetry {
     /// Id of the robot.

@@ -61,6 +61,8 @@ pub(crate) struct Simulation<'a> {
     own: Scenario,
     ids: Vec<RobotId>,
     robots: RemoteRobots,
+    /// The sample of commands that is heard.
+    commands: Vec<RobotCommand>,
     trajectory: Option<Trajectory>,
     end: Option<Instant>,
 }
@@ -71,7 +73,8 @@ impl<'a> Simulation<'a> {
         let now_ns = MonotonicClock.now_ns();
         let robots = RemoteRobots::new(&config, own.clone(), arguments.link(&config), now_ns);
         let end = arguments.duration.map(|s| Instant::now() + Duration::from_secs_f64(s));
-        Ok(Self { arguments, ids: robots.ids().collect(), config, own, robots, trajectory, end })
+        let ids = robots.ids().collect();
+        Ok(Self { arguments, ids, config, own, robots, commands: Vec::new(), trajectory, end })
     }
 
     /// Runs until it is asked to end.
@@ -179,9 +182,10 @@ impl<'a> Simulation<'a> {
     }
 
     fn hear(&mut self, ports: &mut Ports, now_ns: u64) -> Result<(), Failure> {
-        while let Some(sample) = ports.commands.next()? {
-            self.robots.hear(sample.header(), sample.robots(), now_ns);
+        while let Some(header) = ports.commands.next_copy(&mut self.commands)? {
+            self.robots.hear(&header, &self.commands, now_ns);
         }
+        self.robots.not_heard(ports.commands.corrupt());
         ports.observations.follow(self.robots.epoch());
         if let Some(states) = ports.states.newest()? {
             self.robots.follow(states.robots());

@@ -21,8 +21,9 @@ class Client:
     Use it, and what it hands out, from one thread at a time; in a child process attach anew.
     """
 
-    def __init__(self, node: Attachment) -> None:
+    def __init__(self, node: Attachment, *, verify: bool = True) -> None:
         self._attachment: Attachment | None = node
+        self._verify = verify
         self._states: Subscriber[StateHeader] | None = None
         self._commands: Subscriber[CommandHeader] | None = None
         self._telemetry: Subscriber[TelemetryHeader] | None = None
@@ -43,21 +44,21 @@ class Client:
     def states(self) -> Subscriber[StateHeader]:
         """The fleet's states, one sample a period, read from the first use on."""
         if self._states is None:
-            self._states = Subscriber(self._node, "state", StateHeader)
+            self._states = Subscriber(self._node, "state", StateHeader, verify=self._verify)
         return self._states
 
     @property
     def commands(self) -> Subscriber[CommandHeader]:
         """The fleet's commands, one sample a period, read from the first use on."""
         if self._commands is None:
-            self._commands = Subscriber(self._node, "command", CommandHeader)
+            self._commands = Subscriber(self._node, "command", CommandHeader, verify=self._verify)
         return self._commands
 
     @property
     def telemetry(self) -> Subscriber[TelemetryHeader]:
         """How each period went, read from the first use on. A slow reader misses samples: ticks have gaps."""
         if self._telemetry is None:
-            self._telemetry = Subscriber(self._node, "telemetry", TelemetryHeader)
+            self._telemetry = Subscriber(self._node, "telemetry", TelemetryHeader, verify=self._verify)
         return self._telemetry
 
     @property
@@ -112,10 +113,14 @@ def attach(
     fleet: str = "default",
     *,
     wait_s: float = 0.0,
+    verify: bool = True,
     prefix: str | None = None,
     root: str | os.PathLike[str] | None = None,
 ) -> Client:
     """Joins a fleet whose daemon runs, waiting up to ``wait_s`` seconds for it to start.
+
+    ``verify``: whether samples that were corrupted on their way are left out, and counted by
+    :attr:`Subscriber.corrupt`; see :class:`Subscriber` for what it costs.
 
     ``prefix`` and ``root`` say where its channels live: ``CLEARWAY_IOX2_PREFIX`` and ``CLEARWAY_IOX2_ROOT``
     unless they are given, and the daemon's defaults where those are not set. Use it in a ``with`` block, or
@@ -131,4 +136,4 @@ def attach(
         if time.monotonic() >= end:
             raise NoDaemonError(transport.service("state"))
         time.sleep(0.01)
-    return Client(node)
+    return Client(node, verify=verify)

@@ -79,6 +79,8 @@ class StopReason(IntEnum):
     """An operator stopped the fleet, until that is cleared."""
     VACANT = 12
     """There is no robot: a free place of the fleet."""
+    CORRUPT = 13
+    """The state that its command would have answered had changed in memory on its way."""
 
 
 class SolveStatus(IntEnum):

@@ -63,6 +63,8 @@ class StateHeader(Record):
     stamp_ns: U64
     release_ns: U64
     period_ns: U64
+    records: U32
+    checksum: U32
 
 
 @_laid_out
@@ -108,6 +110,8 @@ class CommandHeader(Record):
     state_stamp_ns: U64
     valid_from_ns: U64
     valid_until_ns: U64
+    records: U32
+    checksum: U32
 
 
 @_laid_out
@@ -138,6 +142,8 @@ class TelemetryHeader(Record):
     audited: U64
     audit_disagreed: U64
     audit_max_input_gap: F64
+    records: U32
+    checksum: U32
 
 
 @_laid_out
@@ -176,6 +182,8 @@ class ObservationHeader(Record):
     epoch: U64
     sequence: U64
     stamp_ns: U64
+    records: U32
+    checksum: U32
 
 
 @_laid_out

@@ -8,6 +8,7 @@ import time
 import numpy as np
 from numpy.typing import ArrayLike
 
+from . import seal
 from .errors import ReleasedError, TransferError
 from .layout import ObservationHeader, RobotObservation, StateHeader
 from .subscriber import Subscriber
@@ -25,6 +26,7 @@ class ObservationPublisher:
         self._port = node.publisher("observation", robots)
         self._states = Subscriber(node, "state", StateHeader)
         self._room = max(robots, 1)
+        self._seed = seal.seed(node.transport.service("observation"))
         self.epoch = 0
         """The daemon's run that is followed; 0 before a state was seen."""
         self.sequence = 0
@@ -62,6 +64,7 @@ class ObservationPublisher:
             sequence=self.sequence + 1,
             stamp_ns=time.monotonic_ns() if stamp_ns is None else stamp_ns,
         )
+        seal.put(self._seed, header, len(numbers), records.tobytes())
         try:
             sample = self._port.loan_slice_uninit(len(numbers))
             ctypes.memmove(sample.payload_ptr, records.ctypes.data, records.nbytes)

@@ -52,7 +52,7 @@ macro_rules! both_ways {
 }
 
 both_ways!(state_header_to, state_header_from, wire::StateHeader, proto::State,
-    plain [epoch, tick, stamp_ns, release_ns, period_ns], number []);
+    plain [epoch, tick, stamp_ns, release_ns, period_ns, records, checksum], number []);
 both_ways!(state_robot_to, state_robot_from, wire::RobotState, proto::RobotState,
     plain [id, flags],
     number [x_m, y_m, theta_rad, v_mps, omega_radps, goal_x_m, goal_y_m, radius_m, uncertainty_m],
@@ -61,13 +61,13 @@ both_ways!(intent_to, intent_from, wire::RobotIntent, proto::Intent,
     plain [rank, valid],
     number [heading_rad, speed_mps, blocked_s, target_x_m, target_y_m, waypoint_x_m, waypoint_y_m]);
 both_ways!(command_header_to, command_header_from, wire::CommandHeader, proto::Command,
-    plain [epoch, tick, stamp_ns, state_stamp_ns, valid_from_ns, valid_until_ns], number []);
+    plain [epoch, tick, stamp_ns, state_stamp_ns, valid_from_ns, valid_until_ns, records, checksum], number []);
 both_ways!(command_robot_to, command_robot_from, wire::RobotCommand, proto::RobotCommand,
     plain [id, stop_reason], number [v_mps, omega_radps]);
 both_ways!(telemetry_header_to, telemetry_header_from, wire::TelemetryHeader, proto::Telemetry,
     plain [epoch, tick, release_ns, release_lateness_ns, state_publish_ns, state_to_staged_ns,
         state_to_command_ns, deadline_lateness_ns, skipped_periods, fallback_commands, lost_records,
-        audited, audit_disagreed],
+        audited, audit_disagreed, records, checksum],
     number [audit_max_input_gap]);
 both_ways!(telemetry_robot_to, telemetry_robot_from, wire::RobotTelemetry, proto::RobotTelemetry,
     plain [id, stop_reason, status, safety_rows, active_rows, settling_steps, flags, solve_ns, step_ns],
@@ -75,7 +75,7 @@ both_ways!(telemetry_robot_to, telemetry_robot_from, wire::RobotTelemetry, proto
         lyapunov_heading, decrease_heading, slack_heading, slack_comfort_m, reference_rotation_rad,
         speed_cap_mps, clearance_m, kkt_residual]);
 both_ways!(checkpoint_header_to, checkpoint_header_from, wire::CheckpointHeader, proto::Checkpoint,
-    plain [epoch, tick, skipped_periods, commands_published], number []);
+    plain [epoch, tick, skipped_periods, commands_published, records, checksum], number []);
 
 fn checkpoint_robot_to(r: &wire::RobotCheckpoint) -> proto::RobotCheckpoint {
     let used = r.words.iter().rposition(|word| *word != 0).map_or(0, |last| last + 1);

@@ -108,6 +108,8 @@ pub struct Status {
     pub earlier_missed: u64,
     /// Samples that were dropped because the writer was too slow.
     pub dropped: u64,
+    /// Samples that had changed in memory on their way, and are left out; counted as missed as well.
+    pub corrupt: u64,
     /// Messages that came while the disk was full.
     pub unrecorded: u64,
     /// Whether messages are being written.
@@ -127,7 +129,7 @@ impl Status {
 
     /// Whether everything that was published since it began is in the files.
     pub fn is_complete(&self) -> bool {
-        self.missed() + self.dropped + self.unrecorded == 0 && self.recording
+        self.missed() + self.dropped + self.corrupt + self.unrecorded == 0 && self.recording
     }
 }
 
@@ -151,6 +153,7 @@ pub(crate) struct Shared {
     pub(crate) stop: AtomicBool,
     pub(crate) queued_bytes: AtomicUsize,
     pub(crate) dropped: [AtomicU64; 4],
+    pub(crate) corrupt: AtomicU64,
     counts: Mutex<Counts>,
 }
 
@@ -196,6 +199,7 @@ impl Shared {
             earlier_runs: counts.earlier,
             earlier_missed: counts.earlier_missed,
             dropped: self.dropped(),
+            corrupt: self.corrupt.load(Ordering::Relaxed),
             unrecorded: counts.unrecorded,
             recording: counts.recording,
             bytes: counts.bytes,
@@ -498,6 +502,7 @@ impl WriterThread {
             epoch: self.epoch,
             channels,
             dropped: status.dropped,
+            corrupt: status.corrupt,
             unrecorded: self.files.unrecorded,
             bytes: self.files.bytes(),
         };
@@ -512,6 +517,7 @@ fn counts(status: &Status, unrecorded: u64) -> BTreeMap<String, String> {
     BTreeMap::from([
         fact("missed", status.missed()),
         fact("dropped", status.dropped),
+        fact("corrupt", status.corrupt),
         fact("unrecorded", unrecorded),
     ])
 }

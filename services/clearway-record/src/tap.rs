@@ -74,6 +74,14 @@ struct Ports {
     checkpoints: CheckpointReader,
 }
 
+impl Ports {
+    /// Samples that were not as the daemon had sealed them.
+    fn corrupt(&self) -> u64 {
+        let read = self.states.corrupt() + self.commands.corrupt();
+        read + self.telemetry.corrupt() + self.checkpoints.corrupt()
+    }
+}
+
 pub(crate) struct Tap {
     pub(crate) transport: Transport,
     pub(crate) options: Options,
@@ -161,8 +169,15 @@ impl Tap {
         }
     }
 
-    /// Takes everything that has come.
+    /// Takes everything that has come and is intact.
     fn drain(&self, ports: &mut Ports, run: &mut Option<Run>) -> Result<(), RecordError> {
+        let before = ports.corrupt();
+        let drained = self.drain_intact(ports, run);
+        self.shared.corrupt.fetch_add(ports.corrupt() - before, Ordering::Relaxed);
+        drained
+    }
+
+    fn drain_intact(&self, ports: &mut Ports, run: &mut Option<Run>) -> Result<(), RecordError> {
         while let Some(sample) = ports.states.next()? {
             let header = *sample.header();
             let run = self.follow(run, header.epoch);

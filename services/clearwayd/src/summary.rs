@@ -54,6 +54,7 @@ pub(crate) fn table(report: &Report) -> String {
         (report.lost_records, "records lost"),
         (report.send_failures, "sends that failed"),
         (report.worker_panics, "worker panics"),
+        (report.corrupt_states, "states that changed in memory"),
         (report.workers_hung as u64, "workers hung"),
     ];
     rows.extend(trouble.into_iter().filter(|(n, _)| *n > 0).map(|(n, name)| (name, n.to_string())));

@@ -100,6 +100,9 @@ pub(crate) fn summary(status: &Status) -> String {
     }
     let _ =
         writeln!(out, "{} too fast for the disk, {} without room on it", status.dropped, status.unrecorded);
+    if status.corrupt > 0 {
+        let _ = writeln!(out, "{} left out: they had changed in memory on their way", status.corrupt);
+    }
     for path in &status.files {
         let _ = writeln!(out, "{}", path.display());
     }

@@ -78,7 +78,14 @@ fn period(model: &mut Model, epoch: u64, tick: u64, at_ns: u64, robots: &[RobotS
         .collect();
     let header = CommandHeader { epoch, tick: tick + 1, ..CommandHeader::default() };
     model.command(&header, &commands);
-    let header = StateHeader { epoch, tick, stamp_ns: at_ns, release_ns: at_ns, period_ns: 80_000_000 };
+    let header = StateHeader {
+        epoch,
+        tick,
+        stamp_ns: at_ns,
+        release_ns: at_ns,
+        period_ns: 80_000_000,
+        ..StateHeader::default()
+    };
     model.state(&header, robots);
 }
 
