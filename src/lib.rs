@@ -49,6 +49,7 @@
 //! | where states come from | [`source`] |
 //! | records, queues, histograms | [`telemetry`] |
 //! | what a run is judged by | [`report`] |
+//! | what is kept over a restart | [`journal`] |
 //! | the loop, the workers and what keeps house | [`runtime`] |
 //! | how other processes read along and give orders | [`attach`] |
 //! | robots in a process of their own | [`robots`] |
@@ -75,6 +76,7 @@ pub mod evaluation;
 pub mod figures;
 pub mod geometry;
 pub mod guidance;
+pub mod journal;
 pub mod model;
 pub mod neighbours;
 pub mod plant;

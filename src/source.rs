@@ -134,6 +134,8 @@ pub struct Observed {
     held: Held,
     carried: Vec<Option<Carried>>,
     foreign_speed_mps: Vec<Option<f64>>,
+    /// How far a robot may be from its start before it is seen, m.
+    unseen_m: Vec<f64>,
     samples_max: usize,
 }
 
@@ -188,6 +190,7 @@ impl Observed {
             held: Held::new(robots, history(config.max_age_or_default_ns(period_ns), period_ns)),
             carried: vec![None; robots],
             foreign_speed_mps: (0..robots).map(foreign).collect(),
+            unseen_m: (0..robots).map(|index| foreign(index).map_or(0.0, |_| f64::INFINITY)).collect(),
             samples_max: SAMPLES_PER_ROBOT * robots,
         }
     }
@@ -196,6 +199,13 @@ impl Observed {
     #[must_use]
     pub fn tolerating(self, bounds: &Disturbance) -> Self {
         Self { admission: self.admission.tolerating(bounds), ..self }
+    }
+
+    /// Robots of the scenario may stand anywhere until they are seen: they were driven before.
+    #[must_use]
+    pub fn standing_anywhere(mut self) -> Self {
+        self.unseen_m.fill(f64::INFINITY);
+        self
     }
 
     /// Where robot `index`, last seen at a pose and its stamp, is at `release_ns`.
@@ -255,7 +265,7 @@ impl StateSource for Observed {
             let foreign = self.foreign_speed_mps.get(index).copied().flatten();
             let Some(seen) = self.admission.last_good(index) else {
                 let start = self.admission.last_pose(index).unwrap_or(state.pose());
-                set_pose(state, start, if foreign.is_some() { f64::INFINITY } else { 0.0 }, false);
+                set_pose(state, start, self.unseen_m.get(index).copied().unwrap_or(0.0), false);
                 continue;
             };
             let valid = self.admission.pose(index, instant.now_ns).is_some();
@@ -279,6 +289,10 @@ impl StateSource for Observed {
 
     fn admit(&mut self, index: usize, robot: &RobotSpec) {
         self.admission.admit(index, robot);
+        if let Some(unseen_m) = self.unseen_m.get_mut(index) {
+            // Whoever adds it says where it stands.
+            *unseen_m = 0.0;
+        }
         self.forget(index);
     }
 

@@ -216,7 +216,7 @@ fn received() -> String {
             telemetry_readers,
             observation_writers,
             admin_clients,
-            reserved,
+            restarts,
         }
     );
     text
@@ -229,7 +229,19 @@ fn flags() -> Vec<Numbers> {
         flags!(state_flags { VALID, ARRIVED, FOREIGN, VACANT, PAUSED, STOPPED }),
         flags!(telemetry_flags { STALLED, GIVING_WAY, HOLDING }),
         flags!(checkpoint_flags { ANSWERED, SETTLED }),
-        flags!(admin_flags { PAUSED, STOPPED, DEGRADED, MEMORY_LOCKED, OBSERVED, ENDS_ON_ARRIVAL }),
+        flags!(admin_flags {
+            PAUSED,
+            STOPPED,
+            DEGRADED,
+            MEMORY_LOCKED,
+            OBSERVED,
+            ENDS_ON_ARRIVAL,
+            JOURNAL,
+            JOURNAL_FAILING,
+            STOPPED_BY_RESTARTS,
+            STOPPED_BY_JOURNAL,
+            WORKER_RESTING
+        }),
     ]
 }
 

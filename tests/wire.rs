@@ -134,7 +134,8 @@ fn codes_of_admin_are_fixed() {
         "full",
         "stopped",
         "ending",
+        "not_kept",
     ];
     assert_eq!(codes, (0..).zip(expected).collect::<Vec<_>>());
-    assert_eq!((AdminKind::from_code(0), AdminCode::from_code(18)), (None, None));
+    assert_eq!((AdminKind::from_code(0), AdminCode::from_code(19)), (None, None));
 }

@@ -6,6 +6,7 @@ use thiserror::Error;
 use super::LOOK_EVERY;
 use crate::channel::{AdminPort, Attachment, ChannelError};
 use crate::clock::{Clock, MonotonicClock};
+use crate::journal::StoppedBy;
 use crate::model::RobotSpec;
 use crate::wire::{AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, NO_ROBOT, admin_flags};
 
@@ -73,9 +74,18 @@ impl Status {
         self.figures.has(admin_flags::PAUSED)
     }
 
-    /// Whether an operator stopped the fleet, until that is cleared.
+    /// Whether an operator stopped the fleet, or the daemon did at its start, until that is cleared.
     pub fn is_stopped(&self) -> bool {
         self.figures.has(admin_flags::STOPPED)
+    }
+
+    /// Why the daemon stopped the fleet at its start, if it did and nobody has cleared it.
+    pub fn stopped_at_start(&self) -> Option<StoppedBy> {
+        let causes = [
+            (admin_flags::STOPPED_BY_RESTARTS, StoppedBy::Restarts),
+            (admin_flags::STOPPED_BY_JOURNAL, StoppedBy::Journal),
+        ];
+        causes.into_iter().find(|(flag, _)| self.is_stopped() && self.figures.has(*flag)).map(|(_, by)| by)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::scenario::Scenario;
 use std::path::Path;
 
 /// Keys that only a configuration has at its top.
-const CONFIG_KEYS: [&str; 12] = [
+const CONFIG_KEYS: [&str; 13] = [
     "scenario",
     "fleet",
     "timing",
@@ -16,6 +16,7 @@ const CONFIG_KEYS: [&str; 12] = [
     "source",
     "telemetry",
     "admin",
+    "journal",
     "channel",
 ];
 

@@ -27,6 +27,7 @@ mod checked;
 mod controller;
 mod disturbance;
 mod guidance;
+mod journal;
 mod read;
 mod robust;
 mod rules;
@@ -39,6 +40,7 @@ pub use checked::Checked;
 pub use controller::{BarrierForm, ControllerConfig, Profile, SolverKind, Weights};
 pub use disturbance::{DisturbanceConfig, Pattern};
 pub use guidance::GuidanceParams;
+pub use journal::JournalConfig;
 pub use runtime::{
     PublishAt, RealTimeConfig, RealTimePolicy, SourceConfig, SourceKind, TelemetryConfig, TimingConfig,
     Wakeup,
@@ -74,6 +76,8 @@ pub struct Config {
     pub telemetry: TelemetryConfig,
     /// What operators may do.
     pub admin: AdminConfig,
+    /// What is kept over a restart.
+    pub journal: JournalConfig,
     /// Where the channels live and how much they hold.
     pub channel: ChannelConfig,
 }
@@ -99,6 +103,7 @@ impl Config {
             source: SourceConfig::default(),
             telemetry: TelemetryConfig::default(),
             admin: AdminConfig::default(),
+            journal: JournalConfig::default(),
             channel: ChannelConfig::default(),
         }
     }

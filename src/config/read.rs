@@ -4,8 +4,8 @@
 use super::robust::leaves_room;
 use super::rules::{arena_holds_the_scenario, contradictions};
 use super::{
-    AdminConfig, ChannelConfig, Config, ControllerConfig, DisturbanceConfig, GuidanceParams, RealTimeConfig,
-    SourceConfig, TelemetryConfig, TimingConfig, Weights, is_fleet_name,
+    AdminConfig, ChannelConfig, Config, ControllerConfig, DisturbanceConfig, GuidanceParams, JournalConfig,
+    RealTimeConfig, SourceConfig, TelemetryConfig, TimingConfig, Weights, is_fleet_name,
 };
 use crate::document::{Asked, ConfigError, Document, ErrorKind, Found, Place, Problem, Section};
 use crate::model::Disturbance;
@@ -59,6 +59,7 @@ fn build(
     let source = source(root.section("source"), SourceConfig::default());
     let telemetry = telemetry(root.section("telemetry"), TelemetryConfig::default());
     let admin = admin(root.section("admin"), AdminConfig::default());
+    let journal = journal(root.section("journal"), file, JournalConfig::default());
     let channel = channel(root.section("channel"), ChannelConfig::default());
     root.finish();
 
@@ -82,6 +83,7 @@ fn build(
         source: source.value,
         telemetry,
         admin,
+        journal,
         channel,
     });
     if let Some(config) = &config {
@@ -105,6 +107,7 @@ pub(super) fn settings(config: &Config) -> Result<Vec<Asked>, ConfigError> {
     source(root.section("source"), config.source);
     telemetry(root.section("telemetry"), config.telemetry);
     admin(root.section("admin"), config.admin);
+    journal(root.section("journal"), None, config.journal.clone());
     channel(root.section("channel"), config.channel.clone());
     Ok(doc.settings())
 }
@@ -173,6 +176,18 @@ fn admin(mut s: Section<'_>, mut a: AdminConfig) -> AdminConfig {
     s.set_integer("changes_per_period", &mut a.changes_per_period, 1..=64);
     s.finish();
     a
+}
+
+/// A path in a file is relative to that file.
+fn journal(mut s: Section<'_>, file: Option<&Path>, mut j: JournalConfig) -> JournalConfig {
+    if let Some(path) = s.text("path") {
+        let folder = file.and_then(Path::parent).filter(|_| !path.place.is_override());
+        j.path = Some(folder.map_or_else(|| path.value.clone().into(), |folder| folder.join(&path.value)));
+    }
+    s.set_integer("restarts", &mut j.restarts, 0..=1000);
+    s.set_seconds("restarts_within_s", &mut j.restarts_within_ns, 1..=86_400);
+    s.finish();
+    j
 }
 
 fn channel(mut s: Section<'_>, mut c: ChannelConfig) -> ChannelConfig {

@@ -17,6 +17,13 @@ pub(super) fn to_toml(config: &Config) -> String {
         if path != section {
             path.clone_into(&mut section);
             let _ = writeln!(out, "\n[{section}]");
+            if section == "journal" {
+                let path = config.journal.path.as_ref().map(|path| quoted(&path.to_string_lossy()));
+                let _ = match path {
+                    Some(path) => writeln!(out, "path = {path}"),
+                    None => writeln!(out, "# path: nothing is kept"),
+                };
+            }
             if section == "channel" {
                 let root = config.channel.root.to_string_lossy();
                 let _ =
@@ -67,6 +74,8 @@ mod tests {
         config.disturbance.amplitude.delay_s = 0.01;
         config.disturbance.seed = 7;
         config.admin.capacity = 40;
+        config.journal.path = Some("/var/lib/a \"b\"/x.journal".into());
+        config.journal.restarts_within_ns = 7_000_000_000;
         config.channel.prefix = "a \"quoted\" one".to_owned();
         config.channel.depth = Some(9);
         assert_eq!(Config::parse(&to_toml(&config), "written.toml").unwrap(), config);

@@ -101,6 +101,19 @@ impl Section<'_> {
         Some(place)
     }
 
+    /// A time in s, inside `range_s`, kept in ns.
+    pub(crate) fn set_seconds(
+        &mut self,
+        key: &'static str,
+        target_ns: &mut u64,
+        range_s: RangeInclusive<u64>,
+    ) -> Option<Place> {
+        let mut s = *target_ns / 1_000_000_000;
+        let place = self.set_integer(key, &mut s, range_s)?;
+        *target_ns = s.saturating_mul(1_000_000_000);
+        Some(place)
+    }
+
     /// A time in µs that may be left out, kept in ns.
     pub(crate) fn set_micros_or(
         &mut self,

@@ -93,6 +93,11 @@ impl LoopMemory {
         }
     }
 
+    /// With the fleet held from the first period on, by these bits of [`state_flags`].
+    pub(super) fn held(self, hold: u32) -> Self {
+        Self { hold, ..self }
+    }
+
     /// Keeps count of what robots may still travel on commands that act late, within `bounds`.
     pub(super) fn allowing_for(self, config: &Config) -> Self {
         let (robots, bounds, period_s) = (self.states.len(), &config.robust, config.timing.period_s());

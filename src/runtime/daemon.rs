@@ -1,5 +1,6 @@
 use std::num::NonZeroU64;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -13,9 +14,10 @@ use super::desk::Desk;
 use super::error::DaemonError;
 use super::findings::Findings;
 use super::housekeeping::Housekeeper;
+use super::keeping::{Keeper, Opened};
 use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
-use super::threads::{Common, MakeSource, loop_thread, record_capacity, worker_thread};
+use super::threads::{Begin, Common, MakeSource, loop_thread, record_capacity, worker_thread};
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock, SlowedClock};
@@ -26,7 +28,7 @@ use crate::report::Report;
 use crate::solver::ClarabelSolver;
 use crate::source::StateSource;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{NO_ROBOT, StopReason};
+use crate::wire::{NO_ROBOT, StopReason, state_flags};
 
 /// How long threads may take to come home at the end.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -49,6 +51,21 @@ fn shadow_audit(config: &Config) -> Result<Option<(Recorder, Auditor<ClarabelSol
     Ok(Some(audit::start(solver, rows, AUDIT_SLOTS, every)))
 }
 
+/// The number of a run: rises from run to run as long as the machine is up, and shared memory lasts no
+/// longer; unlike the wall clock it cannot be set back. With a journal it rises over reboots as well.
+fn epoch(journal: Option<&Opened>) -> u64 {
+    MonotonicClock.now_ns().max(journal.map_or(0, |journal| journal.kept().epoch))
+}
+
+/// What the journal says of how the fleet was left.
+fn begin(journal: Option<&Opened>) -> Begin {
+    let Some(journal) = journal else { return Begin::default() };
+    let bit = |holds, bit| if holds { bit } else { 0 };
+    let kept = journal.kept();
+    let hold = bit(kept.paused, state_flags::PAUSED) | bit(kept.stopped.is_some(), state_flags::STOPPED);
+    Begin { hold, anywhere: journal.again() }
+}
+
 /// A running daemon. Dropping it ends the run and waits for its threads, but not for ever.
 #[derive(Debug)]
 pub struct Daemon {
@@ -60,6 +77,8 @@ pub struct Daemon {
     workers: Vec<JoinHandle<()>>,
     housekeeping: Option<JoinHandle<Option<Findings>>>,
     admin: Option<JoinHandle<()>>,
+    /// Dropped last: what the others still change is kept as well.
+    keeper: Option<Keeper>,
 }
 
 impl Daemon {
@@ -107,6 +126,7 @@ impl Daemon {
         source: Option<MakeSource>,
         clock: SlowedClock,
     ) -> Result<Self, DaemonError> {
+        let (config, journal) = Opened::open(config, until)?;
         let for_workers = config.clone();
         let (recorder, auditor) = match shadow_audit(&config)? {
             Some((recorder, auditor)) => (Some(recorder), Some(auditor)),
@@ -115,7 +135,7 @@ impl Daemon {
         let shelf = Arc::new(RouteShelf::new(config.places()));
         let routes = Arc::clone(&shelf);
         let robots = Arc::new(Robots::new(&config));
-        Self::start_audited(config, until, (source, clock), auditor, shelf, move |_| {
+        Self::start_audited((config, journal), until, (source, clock), auditor, shelf, move |_| {
             let group = RobotGroup::among(&for_workers, Arc::clone(&robots))?;
             let group = group.with_routes(Arc::clone(&routes));
             Ok::<_, ControllerError>(match &recorder {
@@ -137,12 +157,13 @@ impl Daemon {
         E: std::fmt::Display,
         F: Fn(Range<usize>) -> Result<D, E> + Send + Sync + 'static,
     {
+        let (config, journal) = Opened::open(config, until)?;
         let shelf = Arc::new(RouteShelf::new(config.places()));
-        Self::start_audited(config, until, (None, SlowedClock::default()), None, shelf, make)
+        Self::start_audited((config, journal), until, (None, SlowedClock::default()), None, shelf, make)
     }
 
     fn start_audited<D, E, F>(
-        config: Config,
+        (mut config, journal): (Config, Option<Opened>),
         until: Until,
         (source, clock): (Option<MakeSource>, SlowedClock),
         auditor: Option<Auditor<ClarabelSolver>>,
@@ -156,7 +177,6 @@ impl Daemon {
     {
         let mut realtime = Achieved::default();
         realtime.add_memory(lock_memory(&config.realtime));
-        let mut config = config;
         let robots = config.scenario.robots.len();
         let places = config.places();
         let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
@@ -174,9 +194,8 @@ impl Daemon {
             config: Arc::clone(&config),
             board: Arc::clone(&board),
             desk: Arc::new(Desk::new(admin::desk_size(&config)).with_shelf(shelf)),
-            // Rises from run to run as long as the machine is up, and shared memory lasts no longer;
-            // unlike the wall clock it cannot be set back.
-            epoch: MonotonicClock.now_ns(),
+            epoch: epoch(journal.as_ref()),
+            begin: begin(journal.as_ref()),
             clock,
             source,
         };
@@ -189,14 +208,16 @@ impl Daemon {
             workers: Vec::new(),
             housekeeping: None,
             admin: None,
+            keeper: None,
         };
-        daemon.spawn_all(&common, until, &placement, auditor, make)?;
+        daemon.spawn_all(&common, journal, until, &placement, auditor, make)?;
         Ok(daemon)
     }
 
     fn spawn_all<D, E, F>(
         &mut self,
         common: &Common,
+        journal: Option<Opened>,
         until: Until,
         placement: &Placement,
         auditor: Option<Auditor<ClarabelSolver>>,
@@ -248,6 +269,8 @@ impl Daemon {
             return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
         }
         self.spawn_housekeeping(common, until, periods, solves, auditor)?;
+        // The fleet is ours, and everything else has been had.
+        self.keeper = journal.map(|journal| journal.begin(common.epoch)).transpose()?;
         self.spawn_admin(common, until)?;
         go.send(()).map_err(|_| DaemonError::Panicked { thread: "loop" })
     }
@@ -261,6 +284,8 @@ impl Daemon {
             realtime: self.realtime.clone(),
             workers: self.workers.len(),
             epoch: common.epoch,
+            hold: common.begin.hold,
+            journal: self.keeper.as_ref().map(Keeper::journal),
             until,
         };
         let (ready, readiness) = sync_channel(1);
@@ -304,6 +329,11 @@ impl Daemon {
         &self.realtime
     }
 
+    /// The file in which this run is kept, if it is.
+    pub fn journal(&self) -> Option<&Path> {
+        self.keeper.as_ref().map(Keeper::path)
+    }
+
     /// How the run is going, a few milliseconds ago.
     pub fn progress(&self) -> Progress {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -333,6 +363,9 @@ impl Daemon {
         let workers = self.workers.len();
         let hung = self.join_workers();
         self.join_admin();
+        if let Some(keeper) = &mut self.keeper {
+            keeper.end_in_order();
+        }
         Ok(findings.report(&self.config, &self.realtime, reason, workers, hung))
     }
 

@@ -1,6 +1,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::keeping::JournalError;
 use crate::channel::ChannelError;
 
 /// Why the daemon could not start or could not finish.
@@ -10,6 +11,11 @@ pub enum DaemonError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Channel(#[from] ChannelError),
+
+    /// What is to be kept over a restart cannot be.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Journal(#[from] JournalError),
 
     /// The policy is `require` and the kernel refused.
     #[error("real-time operation is required and was refused:\n  {}", degraded.join("\n  "))]

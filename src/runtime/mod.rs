@@ -34,6 +34,7 @@ mod event_count;
 mod findings;
 mod forecast;
 mod housekeeping;
+mod keeping;
 mod progress;
 mod regions;
 mod room;
@@ -54,6 +55,7 @@ pub use daemon::Daemon;
 pub use decider::Decider;
 pub use error::DaemonError;
 pub use event_count::{EventCount, SPIN_LEAD_NS, Waiting};
+pub use keeping::JournalError;
 pub use progress::Progress;
 pub use staging::Staging;
 #[allow(unused_imports, reason = "for the simulator")]

@@ -9,7 +9,7 @@ use super::board::{Board, Released};
 use super::control_loop::{ControlLoop, LoopMemory};
 use super::decider::Decider;
 use super::desk::Desk;
-use super::threads::Common;
+use super::threads::{Begin, Common};
 use super::worker::Worker;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
 use crate::clock::{Clock, SlowedClock};
@@ -128,6 +128,7 @@ impl Rig {
             board: Arc::clone(&board),
             desk: Arc::new(Desk::new(4)),
             epoch: 7,
+            begin: Begin::default(),
             clock: SlowedClock::default(),
         };
         let state = LockstepState { now_ns, schedule, board: Arc::clone(&board), ready };

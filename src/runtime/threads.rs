@@ -35,10 +35,20 @@ pub(super) struct Common {
     pub(super) board: Arc<Board>,
     pub(super) desk: Arc<Desk>,
     pub(super) epoch: u64,
+    pub(super) begin: Begin,
     /// The loop's and the workers' time.
     pub(super) clock: SlowedClock,
     /// Makes another source than the configured one.
     pub(super) source: Option<MakeSource>,
+}
+
+/// What of the run before is still so when a run begins.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Begin {
+    /// Bits of [`crate::wire::state_flags`] that hold the fleet.
+    pub(super) hold: u32,
+    /// Robots may stand anywhere until they are seen.
+    pub(super) anywhere: bool,
 }
 
 /// Makes the source of a daemon's states, given the time of the first period, ns.
@@ -121,7 +131,8 @@ pub(super) fn loop_thread(
         (None, Some(reader)) => {
             let places = common.places();
             let observed = Observed::with_places(reader, scenario, &config.source, period_ns, places);
-            Box::new(observed.tolerating(&config.robust))
+            let observed = observed.tolerating(&config.robust);
+            Box::new(if common.begin.anywhere { observed.standing_anywhere() } else { observed })
         }
     };
     // The workers' memory is mapped now and not in period 0.
@@ -142,7 +153,7 @@ pub(super) fn loop_thread(
         wakeup,
         records,
         desk: Arc::clone(&common.desk),
-        memory: LoopMemory::new(common.first_states()).allowing_for(config),
+        memory: LoopMemory::new(common.first_states()).allowing_for(config).held(common.begin.hold),
     };
     Some(control_loop.run())
 }

@@ -17,7 +17,7 @@ use super::housekeeping::Housekeeper;
 use super::progress::Progress;
 use super::starting::shares;
 use super::statistics::Statistics;
-use super::threads::{Common, record_capacity};
+use super::threads::{Begin, Common, record_capacity};
 use super::worker::{Shift, Worker};
 use super::{Counts, Until};
 use crate::channel::memory::Queue;
@@ -96,6 +96,7 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
         board: Arc::clone(&board),
         desk: Arc::new(Desk::new(admin::desk_size(&config)).with_shelf(shelf)),
         epoch,
+        begin: Begin::default(),
         clock: SlowedClock::default(),
         source: None,
     };
@@ -139,6 +140,8 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
         realtime: Achieved::default(),
         workers,
         epoch,
+        hold: common.begin.hold,
+        journal: None,
         until: Until::Stopped,
     };
     let server = node.admin_server(config.admin.max_clients)?;
@@ -162,7 +165,7 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
         wakeup: Wakeup::Futex,
         records: periods,
         desk: Arc::clone(&common.desk),
-        memory: LoopMemory::new(common.first_states()).allowing_for(&config),
+        memory: LoopMemory::new(common.first_states()).allowing_for(&config).held(common.begin.hold),
     };
     let crew = Crew {
         node,

@@ -129,8 +129,8 @@ pub struct AdminAnswer {
     pub observation_writers: u32,
     /// Clients of `admin`.
     pub admin_clients: u32,
-    /// Zero; reserved.
-    pub reserved: u32,
+    /// Restarts after a crash that count; see the configuration's `journal.restarts`.
+    pub restarts: u32,
 }
 
 impl AdminAnswer {
@@ -154,6 +154,16 @@ pub mod admin_flags {
     pub const OBSERVED: u32 = 1 << 4;
     /// The run ends when every robot has arrived.
     pub const ENDS_ON_ARRIVAL: u32 = 1 << 5;
+    /// What operators change is kept in a journal, over a restart of the daemon.
+    pub const JOURNAL: u32 = 1 << 6;
+    /// The journal cannot be written.
+    pub const JOURNAL_FAILING: u32 = 1 << 7;
+    /// With STOPPED: the daemon itself stopped the fleet, because it had to be started again too often.
+    pub const STOPPED_BY_RESTARTS: u32 = 1 << 8;
+    /// With STOPPED: the daemon itself stopped the fleet, because its journal could not be read.
+    pub const STOPPED_BY_JOURNAL: u32 = 1 << 9;
+    /// A worker panicked again and again and rests before it tries once more; its robots stand.
+    pub const WORKER_RESTING: u32 = 1 << 10;
 }
 
 named_codes! {
@@ -223,5 +233,8 @@ named_codes! {
         Stopped = 16, "stopped";
         /// The run is ending.
         Ending = 17, "ending";
+        /// It was carried out and is in force, and could not be kept: it does not survive a restart of the
+        /// daemon.
+        NotKept = 18, "not_kept";
     }
 }

@@ -50,6 +50,16 @@ class AdminFlags(IntFlag):
     """States come from the ``observation`` channel."""
     ENDS_ON_ARRIVAL = 1 << 5
     """The run ends when every robot has arrived."""
+    JOURNAL = 1 << 6
+    """What operators change is kept in a journal, over a restart of the daemon."""
+    JOURNAL_FAILING = 1 << 7
+    """The journal cannot be written."""
+    STOPPED_BY_RESTARTS = 1 << 8
+    """With STOPPED: the daemon itself stopped the fleet, because it had to be started again too often."""
+    STOPPED_BY_JOURNAL = 1 << 9
+    """With STOPPED: the daemon itself stopped the fleet, because its journal could not be read."""
+    WORKER_RESTING = 1 << 10
+    """A worker panicked again and again and rests before it tries once more; its robots stand."""
 
 
 class StopReason(IntEnum):
@@ -130,3 +140,4 @@ class AdminCode(IntEnum):
     FULL = 15
     STOPPED = 16
     ENDING = 17
+    NOT_KEPT = 18

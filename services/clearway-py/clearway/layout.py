@@ -265,4 +265,4 @@ class AdminAnswer(Record):
     telemetry_readers: U32
     observation_writers: U32
     admin_clients: U32
-    reserved: U32
+    restarts: U32

@@ -88,6 +88,10 @@ class EndingError(RefusedError):
     """The run is ending."""
 
 
+class NotKeptError(RefusedError):
+    """It was carried out and is in force, and does not survive a restart of the daemon."""
+
+
 BY_CODE: dict[AdminCode, type[RefusedError]] = {
     AdminCode.BUSY: BusyError,
     AdminCode.EXPIRED: ExpiredError,
@@ -106,6 +110,7 @@ BY_CODE: dict[AdminCode, type[RefusedError]] = {
     AdminCode.FULL: FullError,
     AdminCode.STOPPED: StoppedError,
     AdminCode.ENDING: EndingError,
+    AdminCode.NOT_KEPT: NotKeptError,
 }
 
 

@@ -1,3 +1,4 @@
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,12 +16,14 @@ Examples:
   clearwayd --scenario my.toml --report out.json --period-us 20000
   clearwayd --config fleet.toml              a fleet of your own, until Ctrl-C
   clearwayd --config fleet.toml --set realtime.policy=require
+  clearwayd --config fleet.toml --journal /var/lib/clearway/fleet.journal
 
 Exit status:
   0  every robot arrived and no clearance was violated; or ended by a signal,
      none violated
   1  a robot did not arrive, a clearance was violated, or records were lost
-  2  the command line, the configuration or the scenario is wrong
+  2  the command line, the configuration or the scenario is wrong, or the
+     journal is another fleet's
   3  the fleet belongs to another process
   4  real-time operation is required and was refused
   5  anything else: shared memory, threads, files
@@ -28,6 +31,9 @@ Exit status:
 Environment:
   CLEARWAY_IOX2_PREFIX, CLEARWAY_IOX2_ROOT
             where the channels live, in place of channel.prefix and channel.root
+  STATE_DIRECTORY
+            where the journal lives unless journal.path or --journal says; set by
+            systemd
   RUST_LOG  what is logged, for instance RUST_LOG=debug";
 
 /// Controls a fleet of wheeled robots in real time over shared memory.
@@ -61,6 +67,12 @@ pub(crate) struct Arguments {
     /// Stop after this many periods
     #[arg(long, value_name = "N")]
     ticks: Option<u64>,
+    /// Where goals, stop and pause are kept over a restart
+    #[arg(long, value_name = "FILE", requires = "config")]
+    journal: Option<PathBuf>,
+    /// Begin as the scenario says: what the journal holds is kept aside
+    #[arg(long, requires = "config")]
+    fresh: bool,
     /// Any key of the configuration, as section.key=value; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
@@ -91,6 +103,12 @@ impl Arguments {
         set("timing.ticks", self.ticks.map(|n| n.to_string()));
         let mut config = Config::with_overrides(self.config.as_deref(), &overrides)?;
         config.channel = config.channel.with_environment();
+        if self.config.is_some() {
+            let state = std::env::var_os("STATE_DIRECTORY");
+            let given = self.journal.clone().or(config.journal.path.take());
+            config.journal.path = given.or_else(|| Some(journal_in(state.as_deref()?, &config.fleet)));
+            config.journal.fresh = self.fresh;
+        }
         Ok(config)
     }
 
@@ -98,6 +116,12 @@ impl Arguments {
     pub(crate) fn open_report(&self) -> miette::Result<Option<ReportFile>> {
         self.report.as_deref().map(ReportFile::create).transpose()
     }
+}
+
+/// The journal of a fleet in the first of the directories that a supervisor gives the daemon.
+fn journal_in(directories: &OsStr, fleet: &str) -> PathBuf {
+    let first = std::env::split_paths(directories).next().unwrap_or_default();
+    first.join(format!("{fleet}.journal"))
 }
 
 /// The report's file.

@@ -1,5 +1,6 @@
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use clearway::config::Config;
@@ -69,7 +70,7 @@ impl Display {
         let _ = logger.try_init();
     }
 
-    pub(crate) fn started(&self, realtime: &Achieved) {
+    pub(crate) fn started(&self, realtime: &Achieved, journal: Option<&Path>) {
         if self.bar.is_none() && !self.lines {
             return;
         }
@@ -83,6 +84,9 @@ impl Display {
             format!("memory {}", if realtime.memory_locked { "locked" } else { "not locked" }),
         ];
         self.say(&wrapped("real time  ", ", ", &granted));
+        if let Some(journal) = journal {
+            self.say(&format!("journal    {}", journal.display()));
+        }
         for refused in &realtime.degraded {
             self.say(&format!("DEGRADED   {refused}"));
         }

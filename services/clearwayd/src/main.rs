@@ -13,7 +13,7 @@ use clap::Parser;
 use clearway::channel::ChannelError;
 use clearway::config::Config;
 use clearway::report::Report;
-use clearway::runtime::{Daemon, DaemonError, Until};
+use clearway::runtime::{Daemon, DaemonError, JournalError, Until};
 use miette::{IntoDiagnostic, WrapErr};
 
 use arguments::Arguments;
@@ -64,6 +64,7 @@ impl From<DaemonError> for Failure {
         let exit = match &error {
             DaemonError::Channel(ChannelError::Owned { .. }) => Exit::Owned,
             DaemonError::Channel(ChannelError::FleetName { .. } | ChannelError::Location { .. })
+            | DaemonError::Journal(JournalError::OtherFleet { .. })
             | DaemonError::Controller { .. } => Exit::Configuration,
             DaemonError::RealTime { .. } => Exit::RealTimeRefused,
             _ => Exit::Failed,
@@ -86,7 +87,7 @@ fn run(arguments: &Arguments, config: Config) -> Result<Report, Failure> {
 
     let until = if arguments.config.is_some() { Until::Stopped } else { Until::Arrived };
     let daemon = Daemon::start(config, until)?;
-    display.started(daemon.realtime());
+    display.started(daemon.realtime(), daemon.journal());
     while !daemon.is_finished() {
         if stop.is_set() {
             daemon.stop();

@@ -3,6 +3,8 @@ use std::time::Duration;
 use super::Shared;
 use crate::channel::Attached;
 use crate::config::SourceKind;
+use crate::journal::StoppedBy;
+use crate::runtime::keeping::{Condition, Journal};
 use crate::runtime::{Progress, Until};
 use crate::wire::{AdminAnswer, AdminCode, AdminRequest, admin_flags, state_flags};
 
@@ -80,11 +82,17 @@ impl Facts<'_> {
             telemetry_readers: count(attached.telemetry_readers),
             observation_writers: count(attached.observation_writers),
             admin_clients: count(attached.admin_clients),
-            reserved: 0,
+            restarts: count(self.journal().map_or(0, |journal| journal.restarts)),
         }
     }
 
+    fn journal(&self) -> Option<Condition> {
+        self.shared.journal.as_ref().map(Journal::condition)
+    }
+
     fn flags(&self) -> u32 {
+        let journal = self.journal();
+        let stopped_by = |by| journal.is_some_and(|journal| journal.stopped == Some(by));
         let realtime = &self.shared.realtime;
         let observed = self.shared.config.source.kind == SourceKind::Observation;
         [
@@ -94,6 +102,10 @@ impl Facts<'_> {
             (realtime.memory_locked, admin_flags::MEMORY_LOCKED),
             (observed, admin_flags::OBSERVED),
             (self.shared.until == Until::Arrived, admin_flags::ENDS_ON_ARRIVAL),
+            (journal.is_some(), admin_flags::JOURNAL),
+            (journal.is_some_and(|journal| journal.failing), admin_flags::JOURNAL_FAILING),
+            (stopped_by(StoppedBy::Restarts), admin_flags::STOPPED_BY_RESTARTS),
+            (stopped_by(StoppedBy::Journal), admin_flags::STOPPED_BY_JOURNAL),
         ]
         .into_iter()
         .filter(|(holds, _)| *holds)

@@ -6,6 +6,7 @@
 //! answered busy at once. So a flood costs this thread some time and the period nothing.
 
 mod answer;
+mod kept;
 mod plan;
 mod refusal;
 mod thread;
@@ -18,6 +19,7 @@ use super::Until;
 use super::board::Board;
 use super::desk::Desk;
 use super::error::DaemonError;
+use super::keeping::Journal;
 use super::progress::Progress;
 use crate::channel::Transport;
 use crate::clock::MonotonicClock;
@@ -34,6 +36,9 @@ pub(super) struct Shared {
     pub(super) realtime: Achieved,
     pub(super) workers: usize,
     pub(super) epoch: u64,
+    /// Bits of [`crate::wire::state_flags`] that hold the fleet from the first period on.
+    pub(super) hold: u32,
+    pub(super) journal: Option<Journal>,
     pub(super) until: Until,
 }
 

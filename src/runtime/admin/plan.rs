@@ -34,6 +34,11 @@ impl Plan {
         }
     }
 
+    /// With the fleet held by these bits of [`state_flags`].
+    pub(super) fn held(self, hold: u32) -> Self {
+        Self { hold, ..self }
+    }
+
     /// Places, taken or not.
     pub(super) fn capacity(&self) -> usize {
         self.places.len()

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::Shared;
 use super::answer::{Facts, Tally};
+use super::kept::Unkept;
 use super::plan::Plan;
 use super::refusal::{Refusal, busy, ending, expired};
 use super::under_way::{Pending, UnderWay, is_hold, is_stop, stop_in_force};
@@ -28,13 +29,15 @@ pub(in crate::runtime) struct Admin<C: Clock> {
     clock: C,
     node: Attachment,
     server: AdminServer,
-    shared: Shared,
+    pub(super) shared: Shared,
     plan: Plan,
     /// The plan without what is still with the loop.
-    carried_out: Plan,
+    pub(super) carried_out: Plan,
     /// What is with the loop, in its order.
     under_way: Vec<UnderWay>,
     pending: Vec<Pending>,
+    /// What is done and has to be kept before it is answered.
+    pub(super) unkept: Vec<Unkept>,
     next_key: u64,
     refusals_known: u64,
     tally: Tally,
@@ -44,7 +47,7 @@ pub(in crate::runtime) struct Admin<C: Clock> {
 
 impl<C: Clock> Admin<C> {
     pub(in crate::runtime) fn new(clock: C, node: Attachment, server: AdminServer, shared: Shared) -> Self {
-        let plan = Plan::new(&shared.config);
+        let plan = Plan::new(&shared.config).held(shared.hold);
         Self {
             clock,
             node,
@@ -54,6 +57,7 @@ impl<C: Clock> Admin<C> {
             shared,
             under_way: Vec::new(),
             pending: Vec::new(),
+            unkept: Vec::new(),
             next_key: 0,
             refusals_known: 0,
             tally: Tally::default(),
@@ -71,6 +75,7 @@ impl<C: Clock> Admin<C> {
             let over = self.shared.board.released(None) == Released::Over;
             self.round(over);
             if over {
+                self.wait_for_kept();
                 for Pending { asked, .. } in std::mem::take(&mut self.pending) {
                     self.refuse(asked, &ending());
                 }
@@ -83,6 +88,7 @@ impl<C: Clock> Admin<C> {
     /// Answers what has come back from the loop, and looks at what is asked.
     pub(in crate::runtime) fn round(&mut self, over: bool) {
         self.settle();
+        self.answer_kept();
         self.serve(over);
     }
 
@@ -96,6 +102,7 @@ impl<C: Clock> Admin<C> {
             }
             if let Outcome::Done { .. } = batch.outcome {
                 batch.changes.iter().for_each(|change| self.carried_out.apply(change));
+                self.keep(&batch.changes);
             }
             self.refusals_known +=
                 u64::from(matches!(batch.outcome, Outcome::Expired | Outcome::TooClose { .. }));
@@ -133,7 +140,7 @@ impl<C: Clock> Admin<C> {
         let refusal = match batch.outcome {
             Outcome::Done { tick } => {
                 log_change(asked.header().kind, tick, &batch.changes);
-                return self.done(asked, tick + 1, "");
+                return self.done_once_kept(asked, tick + 1);
             }
             Outcome::Expired => expired(),
             Outcome::Waiting | Outcome::Outdated => {
@@ -278,7 +285,7 @@ impl<C: Clock> Admin<C> {
         self.done(asked, 0, &text);
     }
 
-    fn done(&mut self, asked: Asked, acts_from_tick: u64, text: &str) {
+    pub(super) fn done(&mut self, asked: Asked, acts_from_tick: u64, text: &str) {
         self.tally.done += 1;
         let facts = self.facts();
         let offset = usize::try_from(asked.header().offset).unwrap_or(usize::MAX);
@@ -287,7 +294,7 @@ impl<C: Clock> Admin<C> {
         send(asked, &header, piece);
     }
 
-    fn refuse(&mut self, asked: Asked, refusal: &Refusal) {
+    pub(super) fn refuse(&mut self, asked: Asked, refusal: &Refusal) {
         if refusal.code == AdminCode::Busy {
             self.tally.busy += 1;
         } else {

@@ -1,6 +1,7 @@
 use std::fmt::Write;
 
 use clearway::attach::Status;
+use clearway::journal::StoppedBy;
 use clearway::wire::admin_flags;
 use serde_json::{Value, json};
 
@@ -8,6 +9,12 @@ use serde_json::{Value, json};
 pub(super) fn text(fleet: &str, status: &Status) -> String {
     let f = &status.figures;
     let held = match (status.is_stopped(), status.is_paused()) {
+        (true, _) if status.stopped_at_start() == Some(StoppedBy::Restarts) => {
+            "STOPPED, restarted too often: `clearway clear`, `resume`"
+        }
+        (true, _) if status.stopped_at_start() == Some(StoppedBy::Journal) => {
+            "STOPPED, journal unreadable: `clearway clear`, `resume`"
+        }
         (true, _) => "STOPPED: `clearway clear`, then `clearway resume`",
         (false, true) => "PAUSED: `clearway resume`",
         (false, false) => "running",
@@ -54,6 +61,7 @@ pub(super) fn text(fleet: &str, status: &Status) -> String {
             "requests",
             format!("{} done, {} refused, {} busy", f.requests_done, f.requests_refused, f.requests_busy),
         ),
+        ("journal", journal(status)),
         ("real time", if f.has(admin_flags::DEGRADED) { "DEGRADED" } else { "as configured" }.to_owned()),
     ];
     let mut text = String::new();
@@ -65,6 +73,16 @@ pub(super) fn text(fleet: &str, status: &Status) -> String {
         let _ = writeln!(text, "{:10} {line}", "");
     }
     text
+}
+
+/// What is kept over a restart.
+fn journal(status: &Status) -> String {
+    let f = &status.figures;
+    if !f.has(admin_flags::JOURNAL) {
+        return "none: a restart begins with the scenario's goals".to_owned();
+    }
+    let written = if f.has(admin_flags::JOURNAL_FAILING) { "CANNOT BE WRITTEN" } else { "written" };
+    format!("{written}, {} restarts after a crash lately", f.restarts)
 }
 
 /// How the daemon is doing, for a script.
@@ -102,6 +120,13 @@ pub(crate) fn value(fleet: &str, status: &Status) -> Value {
         "worker_panics": f.worker_panics,
         "release_lateness_max_ns": f.release_lateness_max_ns,
         "solve_p99_ns": f.solve_p99_ns,
+        "stopped_by": status.is_stopped().then(|| status.stopped_at_start().unwrap_or(StoppedBy::Operator).name()),
+        "journal": {
+            "kept": f.has(admin_flags::JOURNAL),
+            "failing": f.has(admin_flags::JOURNAL_FAILING),
+            "restarts": f.restarts,
+        },
+        "worker_resting": f.has(admin_flags::WORKER_RESTING),
         "realtime": {
             "memory_locked": f.has(admin_flags::MEMORY_LOCKED),
             "degraded": status.degraded,

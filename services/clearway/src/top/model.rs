@@ -4,10 +4,11 @@
 use clearway::attach::Status;
 use clearway::channel::{Attached, Member};
 use clearway::figures::LatencyHistogram;
+use clearway::journal::StoppedBy;
 use clearway::model::Obstacle;
 use clearway::wire::{
     CommandHeader, RobotCommand, RobotState, RobotTelemetry, SolveStatus, StateHeader, StopReason,
-    TelemetryHeader, state_flags,
+    TelemetryHeader, admin_flags, state_flags,
 };
 
 use super::robot::Robot;
@@ -309,6 +310,21 @@ impl Model {
         }
         if let Some(status) = &self.status {
             let figures = &status.figures;
+            match status.stopped_at_start() {
+                Some(StoppedBy::Restarts) => {
+                    alerts.push(format!(
+                        "STOPPED: restarted after a crash {} times; clear, then resume",
+                        figures.restarts
+                    ));
+                }
+                Some(_) => {
+                    alerts.push("STOPPED: the journal could not be read; clear, then resume".to_owned())
+                }
+                None => {}
+            }
+            if figures.has(admin_flags::JOURNAL_FAILING) {
+                alerts.push("the journal cannot be written: orders do not survive a restart".to_owned());
+            }
             if figures.workers_silent > 0 {
                 alerts.push(format!("{} workers are silent", figures.workers_silent));
             }

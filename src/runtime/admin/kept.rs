@@ -1,0 +1,81 @@
+//! What operators change is kept before they are told that it is done.
+
+use std::time::{Duration, Instant};
+
+use super::refusal::Refusal;
+use super::thread::Admin;
+use crate::channel::Asked;
+use crate::clock::Clock;
+use crate::journal::{StoppedBy, own};
+use crate::runtime::desk::Change;
+use crate::runtime::keeping::Journal;
+use crate::wire::{AdminCode, state_flags};
+
+/// How long the last answers of a run wait for the disk.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// A request that was carried out and is on its way to the disk.
+pub(super) struct Unkept {
+    /// Number of the change in the journal.
+    number: u64,
+    asked: Asked,
+    acts_from_tick: u64,
+}
+
+impl<C: Clock> Admin<C> {
+    /// Hands what `changes` came to over to the journal. The fleet obeys already, and waits for no disk.
+    pub(super) fn keep(&self, changes: &[Change]) {
+        let Some(journal) = &self.shared.journal else { return };
+        let hold = self.carried_out.hold();
+        let clears = |change: &Change| matches!(change, Change::Hold { clear, .. } if clear & state_flags::STOPPED != 0);
+        let cleared = changes.iter().any(clears);
+        let fleet_changed = changes.iter().any(|change| !matches!(change, Change::Hold { .. }));
+        let robots: Option<Vec<_>> = fleet_changed.then(|| self.carried_out.robots().copied().collect());
+        journal.keep(|kept| {
+            kept.paused = hold & state_flags::PAUSED != 0;
+            let stopped = hold & state_flags::STOPPED != 0;
+            kept.stopped = stopped.then_some(kept.stopped.unwrap_or(StoppedBy::Operator));
+            if cleared {
+                kept.restarts.reset();
+            }
+            if let Some(robots) = robots {
+                kept.robots = own(&robots);
+            }
+        });
+    }
+
+    /// Answers that a request is carried out: without a journal at once, otherwise when it is kept.
+    pub(super) fn done_once_kept(&mut self, asked: Asked, acts_from_tick: u64) {
+        match self.shared.journal.as_ref().map(Journal::newest) {
+            Some(number) => self.unkept.push(Unkept { number, asked, acts_from_tick }),
+            None => self.done(asked, acts_from_tick, ""),
+        }
+    }
+
+    /// Answers what is on the disk by now, or cannot be put there.
+    pub(super) fn answer_kept(&mut self) {
+        let Some(journal) = self.shared.journal.clone() else { return };
+        for one in std::mem::take(&mut self.unkept) {
+            match journal.outcome(one.number) {
+                None => self.unkept.push(one),
+                Some(Ok(())) => self.done(one.asked, one.acts_from_tick, ""),
+                Some(Err(why)) => {
+                    let text = format!(
+                        "it is carried out and in force, and will not survive a restart of the daemon: the journal \
+                         cannot be written: {why}"
+                    );
+                    self.refuse(one.asked, &Refusal::fleet(AdminCode::NotKept, text));
+                }
+            }
+        }
+    }
+
+    /// Answers what still waits when the run is over.
+    pub(super) fn wait_for_kept(&mut self) {
+        let end = Instant::now() + PATIENCE;
+        while !self.unkept.is_empty() && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(1));
+            self.answer_kept();
+        }
+    }
+}

@@ -1,0 +1,290 @@
+//! The journal while the daemon runs: taken up at the start, and written by a thread of its own.
+//!
+//! Whoever changes what is to be kept says so and gets a number; the thread writes what is newest, so
+//! that a slow disk delays answers and nothing else, and says up to which number it is on the disk.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use super::Until;
+use super::error::DaemonError;
+use super::starting::{join_until, spawn};
+use crate::config::Config;
+use crate::journal::{Kept, Moment, Note, Resumed, StoppedBy, file, resume};
+
+/// Between two attempts at a disk that takes nothing.
+const RETRY_EVERY: Duration = Duration::from_secs(1);
+/// How long the last writing may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Why the journal does not let the daemon start.
+#[derive(Debug, Error, Diagnostic)]
+pub enum JournalError {
+    /// It is there and cannot be read, or it cannot be written.
+    #[error("the journal {path} cannot be {what}: {reason}")]
+    #[diagnostic(help(
+        "its directory has to exist and be writable; choose another with --journal or journal.path"
+    ))]
+    File {
+        /// The file.
+        path: String,
+        /// What failed.
+        what: &'static str,
+        /// Why.
+        reason: String,
+    },
+
+    /// It belongs to another fleet, whose daemon may be running.
+    #[error("the journal {path} is that of fleet `{other}`")]
+    #[diagnostic(help(
+        "every fleet needs a journal of its own: choose another with --journal or journal.path"
+    ))]
+    OtherFleet {
+        /// The file.
+        path: String,
+        /// That fleet.
+        other: String,
+    },
+
+    /// It changed after it was read.
+    #[error("the journal {path} was changed by somebody else while the daemon started")]
+    #[diagnostic(help("start again; only one daemon may use it"))]
+    Changed {
+        /// The file.
+        path: String,
+    },
+}
+
+fn failed(path: &Path, what: &'static str, reason: impl ToString) -> JournalError {
+    JournalError::File { path: path.display().to_string(), what, reason: reason.to_string() }
+}
+
+/// A journal that was read, and not touched yet.
+#[derive(Debug)]
+pub(super) struct Opened {
+    path: PathBuf,
+    found: Option<Vec<u8>>,
+    aside: Option<&'static str>,
+    kept: Kept,
+    again: bool,
+    notes: Vec<Note>,
+}
+
+impl Opened {
+    /// The fleet as it is by now, and its journal if it is to have one. Only a run that goes on until
+    /// it is stopped has.
+    ///
+    /// # Errors
+    /// [`JournalError`].
+    pub(super) fn open(config: Config, until: Until) -> Result<(Config, Option<Self>), JournalError> {
+        let Some(path) = config.journal.path.clone().filter(|_| until == Until::Stopped) else {
+            return Ok((config, None));
+        };
+        let found = file::load(&path).map_err(|e| failed(&path, "read", e))?;
+        let fresh = config.journal.fresh;
+        let kept = found.as_deref().filter(|_| !fresh).map(Kept::decode);
+        let Resumed { config, kept, again, aside, notes } = resume(config, kept, &Moment::now())
+            .map_err(|other| JournalError::OtherFleet { path: path.display().to_string(), other: other.0 })?;
+        let aside = aside.or((fresh && found.is_some()).then_some("before-fresh"));
+        Ok((config, Some(Self { path, found, aside, kept, again, notes })))
+    }
+
+    /// What is kept, for a start.
+    pub(super) fn kept(&self) -> &Kept {
+        &self.kept
+    }
+
+    /// Whether robots may stand anywhere, because they were driven before.
+    pub(super) fn again(&self) -> bool {
+        self.again
+    }
+
+    /// The fleet is ours: from now on this run is in the journal.
+    ///
+    /// # Errors
+    /// [`JournalError::Changed`], or it cannot be written.
+    pub(super) fn begin(mut self, epoch: u64) -> Result<Keeper, DaemonError> {
+        let path = self.path;
+        if file::load(&path).map_err(|e| failed(&path, "read", e))? != self.found {
+            return Err(JournalError::Changed { path: path.display().to_string() }.into());
+        }
+        if let Some(why) = self.aside {
+            let aside = file::keep_aside(&path, why).map_err(|e| failed(&path, "kept aside", e))?;
+            self.notes
+                .push(Note { alarm: true, text: format!("what it held is kept as {}", aside.display()) });
+        }
+        self.kept.epoch = epoch;
+        file::store(&path, &self.kept.encode()).map_err(|e| failed(&path, "written", e))?;
+        for Note { alarm, text } in &self.notes {
+            if *alarm {
+                tracing::warn!("journal {}: {text}", path.display());
+            } else {
+                tracing::info!("journal {}: {text}", path.display());
+            }
+        }
+        Keeper::new(path, self.kept)
+    }
+}
+
+/// What is to be kept, and how much of it is on the disk.
+#[derive(Debug)]
+struct State {
+    kept: Kept,
+    /// Number of the newest change.
+    newest: u64,
+    /// The newest one that was tried, and what came of it.
+    tried: u64,
+    failure: Option<String>,
+    over: bool,
+}
+
+#[derive(Debug)]
+struct Shared {
+    path: PathBuf,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes until it is over and everything is on the disk, or cannot be put there.
+    fn run(&self) {
+        let mut state = self.lock();
+        loop {
+            let due = state.newest > state.tried;
+            if due || state.failure.is_some() {
+                let (newest, text) = (state.newest, state.kept.clone());
+                drop(state);
+                let outcome = file::store(&self.path, &text.encode());
+                state = self.lock();
+                self.settle(&mut state, newest, outcome);
+            }
+            if state.over && state.newest == state.tried {
+                return;
+            }
+            if state.newest > state.tried {
+                continue;
+            }
+            let again = if state.failure.is_some() { RETRY_EVERY } else { Duration::MAX };
+            let waited = self.changed.wait_timeout(state, again.min(Duration::from_secs(3600)));
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    fn settle(&self, state: &mut State, number: u64, outcome: std::io::Result<()>) {
+        state.tried = number;
+        let before = state.failure.take();
+        state.failure = outcome.err().map(|e| e.to_string());
+        match (&before, &state.failure) {
+            (None, Some(why)) => tracing::error!(
+                "the journal {} cannot be written: {why}; what operators change from now on does not survive a \
+                 restart",
+                self.path.display()
+            ),
+            (Some(_), None) => tracing::warn!("the journal {} is written again", self.path.display()),
+            _ => {}
+        }
+    }
+}
+
+/// The journal of a run.
+#[derive(Debug, Clone)]
+pub(super) struct Journal(Arc<Shared>);
+
+impl Journal {
+    /// Changes what is kept; returns the number of the change.
+    pub(super) fn keep(&self, change: impl FnOnce(&mut Kept)) -> u64 {
+        let mut state = self.0.lock();
+        change(&mut state.kept);
+        state.newest += 1;
+        self.0.changed.notify_all();
+        state.newest
+    }
+
+    /// Number of the newest change.
+    pub(super) fn newest(&self) -> u64 {
+        self.0.lock().newest
+    }
+
+    /// What came of a change: `None` while it is not on the disk, and the reason when it could not be put
+    /// there.
+    pub(super) fn outcome(&self, number: u64) -> Option<Result<(), String>> {
+        let state = self.0.lock();
+        (state.tried >= number).then(|| state.failure.clone().map_or(Ok(()), Err))
+    }
+
+    /// How it stands now.
+    pub(super) fn condition(&self) -> Condition {
+        let state = self.0.lock();
+        Condition {
+            failing: state.failure.is_some(),
+            stopped: state.kept.stopped,
+            restarts: state.kept.restarts.at_ns.len(),
+        }
+    }
+}
+
+/// What there is to tell about a journal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Condition {
+    /// It could not be written the last time.
+    pub(super) failing: bool,
+    /// What stopped the fleet.
+    pub(super) stopped: Option<StoppedBy>,
+    /// Restarts that count.
+    pub(super) restarts: usize,
+}
+
+/// The owner of the journal's thread.
+#[derive(Debug)]
+pub(super) struct Keeper {
+    journal: Journal,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Keeper {
+    /// For a file that holds `kept` now.
+    fn new(path: PathBuf, kept: Kept) -> Result<Self, DaemonError> {
+        let state = State { kept, newest: 0, tried: 0, failure: None, over: false };
+        let shared = Arc::new(Shared { path, state: Mutex::new(state), changed: Condvar::new() });
+        let writer = Arc::clone(&shared);
+        let thread = spawn("clearway-jrnl", move || writer.run())?;
+        Ok(Self { journal: Journal(shared), thread: Some(thread) })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.journal.0.path
+    }
+
+    pub(super) fn journal(&self) -> Journal {
+        self.journal.clone()
+    }
+
+    /// Writes that the run came to an orderly end.
+    pub(super) fn end_in_order(&mut self) {
+        self.journal.keep(|kept| {
+            kept.ended = true;
+            kept.restarts.reset();
+        });
+    }
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        self.journal.0.lock().over = true;
+        self.journal.0.changed.notify_all();
+        if let Some(thread) = self.thread.take()
+            && join_until(thread, Instant::now() + PATIENCE).is_err()
+        {
+            tracing::error!("the journal is not written to its end: the disk does not answer");
+        }
+    }
+}
