@@ -49,6 +49,7 @@ mod watchdog;
 mod worker;
 
 pub use accelerated::Accelerated;
+pub use admin::{Refusal, Rehearsal};
 #[allow(unused_imports, reason = "for the simulator")]
 pub(crate) use counts::Counts;
 pub use daemon::Daemon;

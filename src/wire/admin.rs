@@ -238,3 +238,10 @@ named_codes! {
         NotKept = 18, "not_kept";
     }
 }
+
+impl AdminKind {
+    /// Whether it only asks and changes nothing.
+    pub fn is_question(self) -> bool {
+        matches!(self, Self::Status | Self::Configuration | Self::Scenario)
+    }
+}

@@ -9,8 +9,12 @@ mod answer;
 mod kept;
 mod plan;
 mod refusal;
+mod rehearsal;
 mod thread;
 mod under_way;
+
+pub use refusal::Refusal;
+pub use rehearsal::Rehearsal;
 
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex};

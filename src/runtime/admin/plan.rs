@@ -93,7 +93,7 @@ impl Plan {
         let hold = |set, clear| {
             let none = records.is_empty();
             let changes = vec![Change::Hold { set, clear }];
-            if none { Ok(changes) } else { Err(Refusal::malformed("this request is about no robot")) }
+            if none { Ok(changes) } else { Err(Refusal::about_no_robot()) }
         };
         match kind {
             AdminKind::SetGoals => self.goals(records),
@@ -152,7 +152,7 @@ impl Plan {
         }
         if !(record.radius_m > 0.0 && record.radius_m <= SIZE_MAX_M) {
             let text = format!(
-                "the radius of robot {id} has to be above 0 and at most {SIZE_MAX_M} m, is {}",
+                "the radius of robot {id} has to be above 0 and at most {SIZE_MAX_M} m, is {:?}",
                 record.radius_m
             );
             return Err(Refusal::of(id, AdminCode::BadRadius, text));
@@ -216,7 +216,8 @@ impl Plan {
 
     /// Whether a robot may stand at `p`, as far as the arena and the obstacles go.
     fn check_point(&self, id: RobotId, radius_m: f64, p: Vec2, what: &str) -> Result<(), Refusal> {
-        let place = format!("{what} of robot {id}, ({}, {}) m,", p.x, p.y);
+        // `{:?}` writes 1e300 as that and not as 301 digits.
+        let place = format!("{what} of robot {id}, ({:?}, {:?}) m,", p.x, p.y);
         if !(p.x.is_finite() && p.y.is_finite()) {
             return Err(Refusal::of(id.0, AdminCode::NotFinite, format!("{place} is not finite")));
         }

@@ -6,7 +6,7 @@ use super::Shared;
 use super::answer::{Facts, Tally};
 use super::kept::Unkept;
 use super::plan::Plan;
-use super::refusal::{Refusal, busy, ending, expired};
+use super::refusal::{Refusal, busy, check_header, ending, expired};
 use super::under_way::{Pending, UnderWay, is_hold, is_stop, stop_in_force};
 use crate::channel::{AdminServer, Asked, Attached, Attachment};
 use crate::clock::Clock;
@@ -19,8 +19,6 @@ use crate::wire::{AdminCode, AdminKind, NO_ROBOT, RobotState};
 const REQUESTS_A_ROUND: usize = 64;
 /// Of these, the ones that want more than a line: who is attached, a long text.
 const QUERIES_A_ROUND: usize = 16;
-/// A request may expire at most this far ahead, ns.
-const EXPIRY_MAX_NS: u64 = 60_000_000_000;
 /// How long it is remembered who is attached.
 const ATTACHED_FOR: Duration = Duration::from_millis(200);
 
@@ -173,7 +171,7 @@ impl<C: Clock> Admin<C> {
                 }
             };
             match kind {
-                AdminKind::Status | AdminKind::Configuration | AdminKind::Scenario => {
+                _ if kind.is_question() => {
                     queries += 1;
                     if queries > QUERIES_A_ROUND {
                         self.refuse(asked, &busy("too many questions at a time"));
@@ -188,20 +186,7 @@ impl<C: Clock> Admin<C> {
 
     /// Whether a request is to be looked at at all.
     fn check(&self, asked: &Asked) -> Result<AdminKind, Refusal> {
-        let header = asked.header();
-        let now_ns = self.clock.now_ns();
-        if now_ns >= header.expires_ns {
-            return Err(expired());
-        }
-        if header.expires_ns - now_ns > EXPIRY_MAX_NS {
-            return Err(Refusal::malformed("a request has to expire within a minute"));
-        }
-        if header.epoch != 0 && header.epoch != self.shared.epoch {
-            let text = format!("another run is meant: this one has the epoch {}", self.shared.epoch);
-            return Err(Refusal::fleet(AdminCode::OtherEpoch, text));
-        }
-        let kind = AdminKind::from_code(header.kind);
-        kind.ok_or_else(|| Refusal::malformed(&format!("there is no request of kind {}", header.kind)))
+        check_header(asked.header(), self.shared.epoch, self.clock.now_ns())
     }
 
     /// Passes a request that changes something on to the loop, if it is sound.
@@ -274,7 +259,7 @@ impl<C: Clock> Admin<C> {
     /// Answers a request that changes nothing.
     fn inform(&mut self, asked: Asked, kind: AdminKind) {
         if !asked.is_empty() {
-            self.refuse(asked, &Refusal::malformed("this request is about no robot"));
+            self.refuse(asked, &Refusal::about_no_robot());
             return;
         }
         let text = match kind {
