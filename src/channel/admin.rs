@@ -20,6 +20,21 @@ pub(super) const WAITING_MAX: usize = 8;
 /// Longest text of one answer, bytes; longer texts come in pieces.
 pub const TEXT_MAX: usize = 16 * 1024;
 
+/// Answers to one request that wait, that its client holds, and that the server is writing.
+pub(super) const BUFFERED: usize = 1;
+pub(super) const BORROWED: usize = 2;
+pub(super) const LOANED: usize = 1;
+
+/// What iceoryx2 adds to an answer.
+const ANSWER_OVERHEAD_BYTES: usize = 128;
+
+/// What the server sets aside for its answers to `clients`. It can still hold as many requests again that
+/// their clients have given up.
+pub(super) fn server_bytes(clients: usize) -> usize {
+    let answers = 2 * WAITING_MAX * (BUFFERED + BORROWED + LOANED);
+    clients * answers * (TEXT_MAX + size_of::<AdminAnswer>() + ANSWER_OVERHEAD_BYTES)
+}
+
 type SharedRequest = ActiveRequest<ipc::Service, [AdminRobot], AdminRequest, [u8], AdminAnswer>;
 type SharedPending = PendingResponse<ipc::Service, [AdminRobot], AdminRequest, [u8], AdminAnswer>;
 

@@ -3,8 +3,7 @@ use std::fmt;
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// Where the kernel keeps shared memory.
-pub(super) const SHARED_MEMORY: &str = "/dev/shm";
+use super::room::SHARED_MEMORY;
 
 /// Who holds a channel that is wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -63,12 +62,24 @@ pub enum ChannelError {
     /// Shared memory is too full for the fleet's channels.
     #[error("the channels of {robots} robots need {} KiB of shared memory and {SHARED_MEMORY} has {} KiB free",
         needed_bytes / 1024, free_bytes / 1024)]
-    #[diagnostic(help("make room in {SHARED_MEMORY}, or lower channel.max_readers or channel.depth"))]
+    #[diagnostic(help(
+        "make room in {SHARED_MEMORY}, or lower channel.max_readers, channel.depth or admin.max_clients"
+    ))]
     Full {
         /// Robots of the fleet.
         robots: usize,
         /// What the channels can fill.
         needed_bytes: u64,
+        /// What there is.
+        free_bytes: u64,
+    },
+
+    /// Shared memory is too full to join.
+    #[error("{SHARED_MEMORY} is full: {} KiB are free, and that is not enough to join", free_bytes / 1024)]
+    #[diagnostic(help(
+        "make room in {SHARED_MEMORY}: `df {SHARED_MEMORY}` and `ls -lS {SHARED_MEMORY}` show what fills it"
+    ))]
+    NoRoom {
         /// What there is.
         free_bytes: u64,
     },

@@ -42,6 +42,7 @@ mod node;
 mod reader;
 mod record;
 mod remains;
+mod room;
 mod writer;
 
 pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};

@@ -15,9 +15,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service;
 use iceoryx2::service::port_factory::request_response::PortFactory as AdminService;
 
 use super::admin::{self, AdminPort, AdminServer};
-use super::error::SHARED_MEMORY;
 use super::memory::Memory;
-use super::{Attachment, Channel, ChannelError, Owner, Reader, Record, Writer, remains};
+use super::{Attachment, Channel, ChannelError, Owner, Reader, Record, Writer, remains, room};
 use crate::config::{ChannelConfig, is_fleet_name};
 use crate::wire::{
     AdminAnswer, AdminRequest, AdminRobot, RobotCheckpoint, RobotCommand, RobotObservation, RobotState,
@@ -35,6 +34,8 @@ const MAX_LOANED: usize = 2;
 const SAMPLE_OVERHEAD_BYTES: usize = 64;
 /// What services, nodes and connections take besides the samples.
 const MANAGEMENT_BYTES: usize = 2 << 20;
+/// What one more process takes to join: its node, its ports, and the writers' connections to them.
+const JOIN_BYTES: u64 = 128 << 10;
 
 fn sample_bytes<R: Record>(robots: usize) -> usize {
     robots * size_of::<R>() + size_of::<R::Header>()
@@ -99,24 +100,39 @@ impl Transport {
     ///
     /// # Errors
     /// [`ChannelError::Full`]. A file system that cannot be asked is taken to be large enough.
-    pub fn check_room(&self, robots: usize) -> Result<(), ChannelError> {
-        let needed_bytes = self.needed_bytes(robots);
-        let Ok(shared) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
-        let free_bytes = shared.f_bavail.saturating_mul(shared.f_frsize);
-        if free_bytes < needed_bytes {
-            return Err(ChannelError::Full { robots, needed_bytes, free_bytes });
+    pub fn check_room(&self, robots: usize, admin_clients: usize) -> Result<(), ChannelError> {
+        let needed_bytes = self.needed_bytes(robots, admin_clients);
+        match room::free_bytes() {
+            Some(free_bytes) if free_bytes < needed_bytes => {
+                Err(ChannelError::Full { robots, needed_bytes, free_bytes })
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
-    /// Shared memory that the channels of a fleet of `robots` can fill, bytes.
-    pub fn needed_bytes(&self, robots: usize) -> u64 {
+    /// Shared memory that the channels of a fleet of `robots` with `admin_clients` can fill, bytes.
+    pub fn needed_bytes(&self, robots: usize, admin_clients: usize) -> u64 {
         let needed = self.bytes::<RobotState>(robots)
             + self.bytes::<RobotCommand>(robots)
             + self.bytes::<RobotTelemetry>(robots)
             + self.bytes::<RobotCheckpoint>(robots)
+            + admin::server_bytes(admin_clients)
             + MANAGEMENT_BYTES;
         u64::try_from(needed).unwrap_or(u64::MAX)
+    }
+
+    /// Gives every file of these channels the memory that it promises, whatever else fills up later.
+    /// Memory is otherwise taken at its first use, and a process that uses what is not there any more
+    /// ends with SIGBUS. For whoever has made its ports; at start only.
+    ///
+    /// # Errors
+    /// [`ChannelError::Full`] when there is not enough.
+    pub fn reserve(&self, robots: usize, admin_clients: usize) -> Result<(), ChannelError> {
+        room::reserve(&self.settings.prefix).map_err(|_| ChannelError::Full {
+            robots,
+            needed_bytes: self.needed_bytes(robots, admin_clients),
+            free_bytes: room::free_bytes().unwrap_or(0),
+        })
     }
 
     /// Who is attached below the same prefix and root, found without joining and without cleaning up.
@@ -181,7 +197,7 @@ impl Transport {
     /// that died.
     ///
     /// # Errors
-    /// [`ChannelError::Attach`].
+    /// [`ChannelError::Attach`], or [`ChannelError::NoRoom`] when shared memory is full.
     pub fn attach(&self, role: &str) -> Result<Attachment, ChannelError> {
         self.node(role, &self.iceoryx)
     }
@@ -190,7 +206,7 @@ impl Transport {
     /// killed halfway leaves what nobody can remove any more.
     ///
     /// # Errors
-    /// [`ChannelError::Attach`].
+    /// Those of [`Transport::attach`].
     pub fn visit(&self, role: &str) -> Result<Attachment, ChannelError> {
         let mut iceoryx = self.iceoryx.clone();
         iceoryx.global.node.cleanup_dead_nodes_on_creation = false;
@@ -203,10 +219,18 @@ impl Transport {
         if let Some(memory) = &self.memory {
             return Ok(Attachment::local(Arc::clone(memory), self));
         }
+        self.join(role, iceoryx).map(Attachment::shared)
+    }
+
+    fn join(&self, role: &str, iceoryx: &Config) -> Result<SharedNode, ChannelError> {
         let failed = |reason: String| ChannelError::Attach {
             root: self.settings.root.to_string_lossy().into_owned(),
             reason,
         };
+        // Who dies of memory that is not there leaves files that keep everybody else from joining.
+        if let Some(free_bytes) = room::free_bytes().filter(|free| *free < JOIN_BYTES) {
+            return Err(ChannelError::NoRoom { free_bytes });
+        }
         let name = format!("{role}-{}-{}", self.fleet, std::process::id());
         let name = NodeName::new(&name).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
@@ -216,7 +240,7 @@ impl Transport {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|e| failed(format!("{e:?}")))?;
-        Ok(Attachment::shared(SharedNode { transport: self.clone(), node }))
+        Ok(SharedNode { transport: self.clone(), node })
     }
 }
 
@@ -384,7 +408,8 @@ impl SharedNode {
             .max_clients(max_clients.max(1))
             .max_nodes(MAX_NODES)
             .max_active_requests_per_client(admin::WAITING_MAX)
-            .max_response_buffer_size(1)
+            .max_response_buffer_size(admin::BUFFERED)
+            .max_borrowed_responses_per_pending_response(admin::BORROWED)
             // What nobody takes is the newest request, not an older one's place.
             .enable_safe_overflow_for_requests(false)
             .enable_safe_overflow_for_responses(false)
@@ -397,6 +422,7 @@ impl SharedNode {
         let created = service
             .server_builder()
             .initial_max_slice_len(admin::TEXT_MAX)
+            .max_loaned_responses_per_request(admin::LOANED)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create();
         created.map(AdminServer::new).map_err(|e| self.admin_port_error(&e))
@@ -408,7 +434,10 @@ impl SharedNode {
     /// # Errors
     /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
     pub(super) fn observer(&self, robots: usize) -> Result<Writer<RobotObservation>, ChannelError> {
-        self.publisher(&self.open::<RobotObservation>()?, robots)
+        let writer = self.publisher(&self.open::<RobotObservation>()?, robots)?;
+        room::reserve(&self.transport.settings.prefix)
+            .map_err(|_| ChannelError::NoRoom { free_bytes: room::free_bytes().unwrap_or(0) })?;
+        Ok(writer)
     }
 
     /// Whether somebody who lives writes the fleet's state.

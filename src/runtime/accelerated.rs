@@ -55,7 +55,7 @@ impl Accelerated {
     ) -> Result<Self, DaemonError> {
         config.timing.ticks = Some(ticks);
         let transport = Transport::new(&config.fleet, &config.channel)?;
-        transport.check_room(config.places())?;
+        transport.check_room(config.places(), 0)?;
         let laps = Rc::new(Cell::new(0));
         let (now, robots) = (VirtualTime::new(start_ns), config.scenario.robots.clone());
         let turns = Rc::new(Turns { now: now.clone(), parts: RefCell::new(None), look: RefCell::new(look) });

@@ -188,7 +188,7 @@ impl Daemon {
         ids.resize(places, NO_ROBOT);
         let board = Arc::new(Board::new(ids, placement.worker_cpus.len(), config.realtime.wakeup));
         let transport = Transport::new(&config.fleet, &config.channel)?;
-        transport.check_room(places)?;
+        transport.check_room(places, config.admin.max_clients)?;
         let common = Common {
             transport,
             config: Arc::clone(&config),
@@ -272,6 +272,8 @@ impl Daemon {
         // The fleet is ours, and everything else has been had.
         self.keeper = journal.map(|journal| journal.begin(common.epoch)).transpose()?;
         self.spawn_admin(common, until)?;
+        // Everybody has made its ports.
+        common.transport.reserve(places, config.admin.max_clients)?;
         go.send(()).map_err(|_| DaemonError::Panicked { thread: "loop" })
     }
 

@@ -86,6 +86,12 @@ impl Process {
         self.wait();
     }
 
+    /// Ends it the same way, if it has not ended by itself.
+    pub fn end(&mut self) {
+        let _ = self.0.kill();
+        self.wait();
+    }
+
     pub fn wait(&mut self) -> ExitStatus {
         until(|| self.0.try_wait().unwrap())
     }

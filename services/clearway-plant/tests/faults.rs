@@ -9,14 +9,10 @@ use clearway::scenario::Scenario;
 use clearway::wire::StopReason;
 use rustix::process::Signal;
 use support::{
-    Listener, World, clearance, client, daemon, file, plant, report, trajectory, until, until_driven,
+    Listener, World, clearance, client, daemon, file, moves, plant, report, trajectory, until, until_driven,
 };
 
 const ENDLESS: &str = "schema = 1\nscenario = \"swap8\"\n";
-
-fn moves(record: &MotionRecord) -> bool {
-    (record.v_mps, record.omega_radps) != (0.0, 0.0)
-}
 
 #[test]
 fn robots_stop_when_the_daemon_is_killed_and_go_on_with_the_next_one() {

@@ -14,8 +14,8 @@ use clearway::robots::{MotionRecord, motions};
 use clearway::scenario::Scenario;
 use clearway::wire::{CommandHeader, RobotCommand};
 
-pub use base::World;
 pub use base::process::{Process, file, skipped, text, until, within};
+pub use base::{World, sandbox};
 
 /// The daemon's program, of the same build as this one: another package's, so it is made sure of.
 fn clearwayd() -> &'static Path {
@@ -36,18 +36,26 @@ fn clearwayd() -> &'static Path {
 
 /// A daemon that listens to observations, unless `arguments` say otherwise.
 pub fn daemon(world: &World, arguments: &[&str]) -> Process {
+    Process::start(daemon_command(world, arguments))
+}
+
+pub fn daemon_command(world: &World, arguments: &[&str]) -> Command {
     let mut command = within(world, clearwayd(), &["--set", "realtime.policy=off"]);
     command.args(["--set", "source.kind=observation", "--quiet"]).args(arguments);
-    Process::start(command)
+    command
 }
 
 /// A plant that writes its report to `NAME.json` and its trajectory to `NAME.jsonl`.
 pub fn plant(world: &World, name: &str, arguments: &[&str]) -> Process {
+    Process::start(plant_command(world, name, arguments))
+}
+
+pub fn plant_command(world: &World, name: &str, arguments: &[&str]) -> Command {
     let program = Path::new(env!("CARGO_BIN_EXE_clearway-plant"));
     let (report, trajectory) = (format!("{name}.json"), format!("{name}.jsonl"));
     let mut command = within(world, program, &["--quiet", "--report", &report, "--trajectory", &trajectory]);
     command.args(arguments);
-    Process::start(command)
+    command
 }
 
 /// A client of the daemon in `world`, when there is one.
@@ -67,6 +75,11 @@ pub fn trajectory(world: &World, name: &str) -> Vec<MotionRecord> {
     let lines: Vec<&str> = text.split_inclusive('\n').filter(|line| line.ends_with('\n')).collect();
     assert!(!lines.is_empty(), "{name} wrote nothing");
     lines.into_iter().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Whether a robot drove or turned.
+pub fn moves(record: &MotionRecord) -> bool {
+    (record.v_mps, record.omega_radps) != (0.0, 0.0)
 }
 
 /// Waits until robot `id` of the plant `name` has driven `way_m`.

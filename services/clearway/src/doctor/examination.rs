@@ -1,7 +1,7 @@
 //! What the findings are made from.
 
 use clearway::channel::{Census, Transport};
-use clearway::config::{ChannelConfig, Config, RealTimeConfig, RealTimePolicy, Wakeup};
+use clearway::config::{AdminConfig, ChannelConfig, Config, RealTimeConfig, RealTimePolicy, Wakeup};
 use clearway::realtime::{Role, Seat, enter};
 
 use crate::host::Host;
@@ -44,7 +44,8 @@ impl Examination {
     pub(super) fn new(host: Host, config: Option<Config>, is_live: bool) -> Self {
         let realtime = config.as_ref().map_or_else(RealTimeConfig::default, |c| c.realtime.clone());
         let channel = config.as_ref().map_or_else(ChannelConfig::default, |c| c.channel.clone());
-        let robots = config.as_ref().map_or(ROBOTS, |c| c.scenario.robots.len());
+        let robots = config.as_ref().map_or(ROBOTS, Config::places);
+        let admin = config.as_ref().map_or_else(AdminConfig::default, |c| c.admin);
         let fleet = config.as_ref().map_or("default", |c| c.fleet.as_str());
         let transport = Transport::new(fleet, &channel);
         let live = is_live.then(|| Live {
@@ -67,7 +68,7 @@ impl Examination {
             live,
             priority: realtime.priority,
             robots,
-            needed_bytes: transport.ok().map(|transport| transport.needed_bytes(robots)),
+            needed_bytes: transport.ok().map(|transport| transport.needed_bytes(robots, admin.max_clients)),
             channel,
             config,
         }
