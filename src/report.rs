@@ -69,6 +69,8 @@ pub struct Report {
     pub audit: Option<AuditReport>,
     /// Times that a worker panicked and was built anew.
     pub worker_panics: u64,
+    /// Times that the thread which answers operators panicked; each lost a request.
+    pub admin_panics: u64,
     /// States that had changed in memory when a worker read them; it answered none of these.
     pub corrupt_states: u64,
     /// Workers that did not come home at the end of the run.

@@ -10,12 +10,12 @@ use clearway::channel::{CommandReader, Transport};
 use clearway::clock::{Clock, MonotonicClock};
 use clearway::config::{Config, SourceKind};
 use clearway::geometry::{Pose, Vec2};
-use clearway::model::{RobotId, RobotSpec};
+use clearway::model::{Obstacle, RobotId, RobotSpec};
 use clearway::runtime::{Daemon, Until};
 use clearway::scenario::Scenario;
 use clearway::wire::{
-    AdminCode, AdminKind, AdminRequest, AdminRobot, NO_ROBOT, RobotCommand, RobotState, StopReason,
-    state_flags,
+    AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, NO_ROBOT, RobotCommand, RobotState,
+    StopReason, state_flags,
 };
 use support::{World, config, lanes};
 
@@ -216,15 +216,95 @@ fn status_and_configuration_say_what_is() {
     assert_eq!(scenario.robots[0], expected.scenario.robots[0]);
 }
 
-/// A text longer than one answer comes in pieces.
+/// A text longer than one answer comes in pieces, all of them of the moment at which it was begun.
 #[test]
-fn a_large_fleets_scenario_is_answered_in_pieces() {
+fn a_large_fleets_scenario_is_answered_in_pieces_of_one_moment() {
     let world = World::new("admin_long");
     let mut config = config(&world, Scenario::builtin("circle-200").unwrap(), 80_000_000);
     config.timing.workers = Some(1);
     let expected = config.scenario.clone();
     let mut run = start(config);
     assert_eq!(Scenario::parse(&run.admin.scenario().unwrap(), "answered.toml").unwrap(), expected);
+    let node = Transport::new("default", &world.channel).unwrap().attach("test").unwrap();
+    let port = node.admin().unwrap();
+    let ask = |offset: usize| {
+        let request = AdminRequest {
+            expires_ns: MonotonicClock.now_ns() + 30_000_000_000,
+            kind: AdminKind::Scenario as u32,
+            offset: offset as u64,
+            ..AdminRequest::default()
+        };
+        answered(&port.ask(&request, &[]).unwrap())
+    };
+    let (first, mut text) = ask(0);
+    assert!((text.len() as u64) < first.text_bytes);
+    // The first robot and the last one move together.
+    let (one, other) = (expected.robots[0].id.0, expected.robots[199].id.0);
+    run.admin.set_goals(&[(one, 60.0, 60.0), (other, 70.0, 70.0)]).unwrap();
+    while (text.len() as u64) < first.text_bytes {
+        let (answer, piece) = ask(text.len());
+        assert_eq!((answer.code, answer.text_bytes), (AdminCode::Done as u32, first.text_bytes));
+        text.extend(piece);
+    }
+    let read = Scenario::parse(&String::from_utf8(text).unwrap(), "answered.toml").unwrap();
+    assert_eq!(read, expected);
+    let now = Scenario::parse(&run.admin.scenario().unwrap(), "answered.toml").unwrap();
+    assert_eq!((now.robots[0].goal_m.x, now.robots[199].goal_m.x), (60.0, 70.0));
+    // What nobody has begun cannot be gone on with.
+    assert_eq!(ask(100).0.code, AdminCode::Busy as u32);
+}
+
+/// The answer to a request, and its text.
+fn answered(waiting: &clearway::channel::Waiting) -> (AdminAnswer, Vec<u8>) {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(answer) = waiting.answer().unwrap() {
+            return answer;
+        }
+        assert!(Instant::now() < end, "every request is answered");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+}
+
+/// Routes among many pillars take seconds to build; a stop does not wait for them.
+#[test]
+fn a_stop_overtakes_what_is_in_work() {
+    let world = World::new("admin_overtakes");
+    let mut scenario = lanes(8, 50.0);
+    let pillar = |k: u32| Obstacle::Circle {
+        centre_m: Vec2::new(5.0 + 4.0 * f64::from(k % 8), -3.0 - 3.0 * f64::from(k / 8)),
+        radius_m: 1.0,
+    };
+    scenario.obstacles = (0..64).map(pillar).collect();
+    let ids: Vec<_> = scenario.robots.iter().map(|robot| robot.id.0).collect();
+    let mut run = start(config(&world, scenario, T));
+    let node = Transport::new("default", &world.channel).unwrap().attach("test").unwrap();
+    let port = node.admin().unwrap();
+    let ask = |n: u32| {
+        let goal = |k: &u32| AdminRobot {
+            id: *k,
+            goal_x_m: 60.0 + f64::from(n),
+            goal_y_m: f64::from(*k),
+            ..AdminRobot::default()
+        };
+        let request = AdminRequest {
+            expires_ns: MonotonicClock.now_ns() + 30_000_000_000,
+            kind: AdminKind::SetGoals as u32,
+            ..AdminRequest::default()
+        };
+        port.ask(&request, &ids.iter().map(goal).collect::<Vec<_>>()).unwrap()
+    };
+    let waiting: Vec<_> = (0..4).map(ask).collect();
+    let stopped = run.admin.stop().unwrap();
+    // The last of them is still in work, or came later.
+    let last = waiting[3].answer().unwrap();
+    assert!(last.is_none_or(|(answer, _)| answer.acts_from_tick > stopped.acts_from_tick));
+    let (answer, _) = answered(&waiting[0]);
+    assert_eq!(answer.code, AdminCode::Done as u32);
+    run.daemon.stop();
+    run.daemon.join().unwrap();
+    let code = AdminCode::from_code(answered(&waiting[3]).0.code);
+    assert!(matches!(code, Some(AdminCode::Done | AdminCode::Ending)), "{code:?}");
 }
 
 #[test]

@@ -10,6 +10,9 @@ use crate::journal::StoppedBy;
 use crate::model::RobotSpec;
 use crate::wire::{AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, NO_ROBOT, admin_flags};
 
+/// How often a text is begun before it is given up.
+const BEGINNINGS: usize = 8;
+
 /// Why a request was not carried out.
 #[derive(Debug, Error, Diagnostic)]
 pub enum AdminError {
@@ -27,6 +30,12 @@ pub enum AdminError {
         /// How long was waited.
         timeout: Duration,
     },
+
+    /// A text could not be read as a whole: the daemon was started again meanwhile, or too many others
+    /// read as well, and so again and again.
+    #[error("a text could not be read to its end, {BEGINNINGS} times")]
+    #[diagnostic(help("ask again"))]
+    Interrupted,
 
     /// The daemon refused.
     #[error("refused ({}): {text}", code.map_or("unknown", AdminCode::name))]
@@ -120,8 +129,7 @@ impl AdminClient {
     /// # Errors
     /// [`AdminError::Timeout`], as all of these, when no answer comes.
     pub fn status(&mut self) -> Result<Status, AdminError> {
-        let (figures, text) = self.ask(AdminKind::Status, 0, &[])?;
-        let text = String::from_utf8_lossy(&text);
+        let (figures, text) = self.read(AdminKind::Status)?;
         Ok(Status { figures, degraded: text.lines().map(str::to_owned).collect() })
     }
 
@@ -130,7 +138,7 @@ impl AdminClient {
     /// # Errors
     /// [`AdminError`].
     pub fn configuration(&mut self) -> Result<String, AdminError> {
-        self.text(AdminKind::Configuration)
+        self.read(AdminKind::Configuration).map(|(_, text)| text)
     }
 
     /// The scenario as it is now, as TOML: robots, goals, obstacles.
@@ -138,7 +146,7 @@ impl AdminClient {
     /// # Errors
     /// [`AdminError`].
     pub fn scenario(&mut self) -> Result<String, AdminError> {
-        self.text(AdminKind::Scenario)
+        self.read(AdminKind::Scenario).map(|(_, text)| text)
     }
 
     /// Sends robot `id` to a new goal, m.
@@ -218,26 +226,38 @@ impl AdminClient {
     }
 
     fn order(&mut self, kind: AdminKind, robots: &[AdminRobot]) -> Result<Done, AdminError> {
-        let (answer, _) = self.ask(kind, 0, robots)?;
+        let (answer, _) = self.ask(kind, (0, 0), robots)?;
         Ok(Done { epoch: answer.epoch, acts_from_tick: answer.acts_from_tick })
     }
 
-    /// A long text, piece by piece.
-    fn text(&mut self, kind: AdminKind) -> Result<String, AdminError> {
-        let mut bytes = Vec::new();
-        loop {
-            let (answer, piece) = self.ask(kind, bytes.len() as u64, &[])?;
-            bytes.extend_from_slice(&piece);
-            if piece.is_empty() || bytes.len() as u64 >= answer.text_bytes {
-                return Ok(String::from_utf8_lossy(&bytes).into_owned());
+    /// A text, piece by piece if it is long, and all of it of one moment.
+    fn read(&mut self, kind: AdminKind) -> Result<(AdminAnswer, String), AdminError> {
+        for _ in 0..BEGINNINGS {
+            let (first, mut bytes) = self.ask(kind, (0, 0), &[])?;
+            while (bytes.len() as u64) < first.text_bytes {
+                // Of the same run: another one would go on with another text.
+                match self.ask(kind, (first.epoch, bytes.len() as u64), &[]) {
+                    Ok((answer, piece)) if answer.text_bytes == first.text_bytes && !piece.is_empty() => {
+                        bytes.extend_from_slice(&piece);
+                    }
+                    // It does not keep the text any more, or is another one: from the beginning.
+                    Ok(_) => break,
+                    Err(e) if matches!(e.code(), Some(AdminCode::Busy | AdminCode::OtherEpoch)) => break,
+                    Err(e) => return Err(e),
+                }
             }
+            if bytes.len() as u64 == first.text_bytes {
+                return Ok((first, String::from_utf8_lossy(&bytes).into_owned()));
+            }
+            std::thread::sleep(LOOK_EVERY);
         }
+        Err(AdminError::Interrupted)
     }
 
     fn ask(
         &mut self,
         kind: AdminKind,
-        offset: u64,
+        (epoch, offset): (u64, u64),
         robots: &[AdminRobot],
     ) -> Result<(AdminAnswer, Vec<u8>), AdminError> {
         self.tickets += 1;
@@ -246,7 +266,7 @@ impl AdminClient {
         let request = AdminRequest {
             ticket: self.tickets,
             expires_ns: MonotonicClock.now_ns().saturating_add(patience_ns),
-            epoch: 0,
+            epoch,
             offset,
             kind: kind as u32,
             reserved: 0,

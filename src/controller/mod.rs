@@ -19,7 +19,7 @@ mod rows;
 mod shelf;
 
 pub use robots::Robots;
-pub use shelf::{PreparedRoute, RouteShelf};
+pub use shelf::{PreparedRoute, RouteShelf, RouteWork};
 
 use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;

@@ -4,7 +4,7 @@ use crossbeam::atomic::AtomicCell;
 use std::fmt;
 
 use crate::geometry::Vec2;
-use crate::guidance::{ObstacleView, Route};
+use crate::guidance::{ObstacleView, Route, RouteBuilder};
 use crate::model::Obstacle;
 use crate::wire::RobotState;
 
@@ -21,9 +21,37 @@ impl PreparedRoute {
     /// The shortest ways around `obstacles` to the goal of `robot`, which keeps `margin_m` from them.
     /// Allocates and can take long among many obstacles: not for real-time threads.
     pub fn build(obstacles: &[Obstacle], margin_m: f64, robot: &RobotState) -> Self {
-        let keep_m = margin_m + robot.radius_m;
-        let views: Vec<_> = obstacles.iter().map(|&obstacle| ObstacleView { obstacle, keep_m }).collect();
-        Self { keep_m, route: Route::build(&views, robot.goal_m()), next: None }
+        let mut work = RouteWork::new(obstacles, margin_m + robot.radius_m, robot.goal_m());
+        while !work.advance(&mut { usize::MAX }) {}
+        work.finish()
+    }
+}
+
+/// A [`PreparedRoute`] on its way, for who has to look at other things meanwhile.
+#[derive(Debug)]
+pub struct RouteWork {
+    views: Vec<ObstacleView>,
+    keep_m: f64,
+    builder: RouteBuilder,
+}
+
+impl RouteWork {
+    /// Begins the shortest ways around `obstacles` to `goal_m`, keeping `keep_m` from them: radius and
+    /// margin.
+    pub fn new(obstacles: &[Obstacle], keep_m: f64, goal_m: Vec2) -> Self {
+        let views = obstacles.iter().map(|&obstacle| ObstacleView { obstacle, keep_m }).collect();
+        Self { views, keep_m, builder: RouteBuilder::new(goal_m) }
+    }
+
+    /// Goes on for about `looks` looks at an obstacle and takes off what it needed; whether the route is
+    /// finished.
+    pub fn advance(&mut self, looks: &mut usize) -> bool {
+        self.builder.advance(&self.views, looks)
+    }
+
+    /// The route, once it is finished.
+    pub fn finish(self) -> PreparedRoute {
+        PreparedRoute { keep_m: self.keep_m, route: self.builder.finish(), next: None }
     }
 }
 

@@ -34,7 +34,7 @@ mod types;
 
 pub use crate::config::GuidanceParams as Params;
 pub use predict::Predictions;
-pub use route::Route;
+pub use route::{Route, RouteBuilder};
 pub use types::{
     Ego, Guidance, Intent, Limits, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView,
 };

@@ -29,48 +29,137 @@ pub struct Route {
     nodes: Vec<Node>,
 }
 
+/// A [`Route`] on its way: among many obstacles that takes long, and can be done in parts.
+#[derive(Debug)]
+pub struct RouteBuilder {
+    goal_m: Vec2,
+    step: Step,
+    nodes: Vec<Node>,
+    /// Nodes whose way to the goal is the shortest.
+    done: Vec<bool>,
+}
+
+/// What comes next.
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    /// The corners around an obstacle.
+    Corners {
+        obstacle: usize,
+    },
+    /// Whether a node sees the goal.
+    Goal {
+        node: usize,
+    },
+    /// The node that is nearest to the goal among those not done.
+    Nearest,
+    /// Whether a node's way becomes shorter through that one.
+    Through {
+        from: usize,
+        node: usize,
+    },
+    Finished,
+}
+
+impl RouteBuilder {
+    /// Begins a route to `goal_m`.
+    pub fn new(goal_m: Vec2) -> Self {
+        Self { goal_m, step: Step::Corners { obstacle: 0 }, nodes: Vec::new(), done: Vec::new() }
+    }
+
+    /// Goes on for about `looks` looks at one of `obstacles`, which are the same in each call, and takes
+    /// off what it needed; whether the route is finished.
+    pub fn advance(&mut self, obstacles: &[ObstacleView], looks: &mut usize) -> bool {
+        while *looks > 0 {
+            let needed = match self.step {
+                Step::Corners { obstacle } => self.add_corners(obstacles, obstacle),
+                Step::Goal { node } => self.look_at_goal(obstacles, node),
+                Step::Nearest => self.take_nearest(),
+                Step::Through { from, node } => self.go_through(obstacles, from, node),
+                Step::Finished => return true,
+            };
+            *looks = looks.saturating_sub(needed);
+        }
+        matches!(self.step, Step::Finished)
+    }
+
+    /// The route, once it is finished; without what is not done yet before.
+    pub fn finish(mut self) -> Route {
+        self.nodes.retain(|n| n.to_goal_m.is_finite());
+        Route { goal_m: self.goal_m, nodes: self.nodes }
+    }
+
+    fn add_corners(&mut self, obstacles: &[ObstacleView], at: usize) -> usize {
+        let Some(o) = obstacles.get(at) else {
+            self.done = vec![false; self.nodes.len()];
+            self.step = Step::Goal { node: 0 };
+            return 1;
+        };
+        let mut points = Vec::new();
+        match o.obstacle {
+            Obstacle::Circle { centre_m, .. } => corners(centre_m, o.required_m(), &mut points),
+            Obstacle::Segment { from_m, to_m } => {
+                corners(from_m, o.required_m(), &mut points);
+                corners(to_m, o.required_m(), &mut points);
+            }
+        }
+        let looks = points.len() * obstacles.len();
+        points.retain(|p| obstacles.iter().all(|o| o.clearance(*p).1 >= SIGHT_ROOM_M));
+        self.nodes.extend(points.into_iter().map(|position_m| Node { position_m, to_goal_m: f64::INFINITY }));
+        self.step = Step::Corners { obstacle: at + 1 };
+        looks
+    }
+
+    fn look_at_goal(&mut self, obstacles: &[ObstacleView], at: usize) -> usize {
+        let Some(n) = self.nodes.get_mut(at) else {
+            self.step = Step::Nearest;
+            return 1;
+        };
+        if sees(n.position_m, self.goal_m, SIGHT_ROOM_M, obstacles) {
+            n.to_goal_m = (n.position_m - self.goal_m).norm();
+        }
+        self.step = Step::Goal { node: at + 1 };
+        obstacles.len()
+    }
+
+    /// Dijkstra over an implicit graph.
+    fn take_nearest(&mut self) -> usize {
+        let (nodes, done) = (&self.nodes, &self.done);
+        let next = (0..nodes.len())
+            .filter(|&i| !done[i] && nodes[i].to_goal_m.is_finite())
+            .min_by(|&a, &b| nodes[a].to_goal_m.total_cmp(&nodes[b].to_goal_m));
+        let looks = nodes.len() / 4 + 1;
+        self.step = next.map_or(Step::Finished, |from| Step::Through { from, node: 0 });
+        if let Some(from) = next {
+            self.done[from] = true;
+        }
+        looks
+    }
+
+    fn go_through(&mut self, obstacles: &[ObstacleView], from: usize, at: usize) -> usize {
+        let Some(n) = self.nodes.get(at) else {
+            self.step = Step::Nearest;
+            return 1;
+        };
+        self.step = Step::Through { from, node: at + 1 };
+        let through = self.nodes[from].to_goal_m + (n.position_m - self.nodes[from].position_m).norm();
+        if self.done[at] || through >= n.to_goal_m {
+            return 1;
+        }
+        if sees(n.position_m, self.nodes[from].position_m, SIGHT_ROOM_M, obstacles) {
+            self.nodes[at].to_goal_m = through;
+        }
+        obstacles.len()
+    }
+}
+
 impl Route {
     /// The shortest ways to `goal_m` around `obstacles`. Allocates; Dijkstra over a visibility graph with
     /// eight corners for each disc and each end of a wall.
     pub fn build(obstacles: &[ObstacleView], goal_m: Vec2) -> Self {
-        let mut points = Vec::new();
-        for o in obstacles {
-            match o.obstacle {
-                Obstacle::Circle { centre_m, .. } => corners(centre_m, o.required_m(), &mut points),
-                Obstacle::Segment { from_m, to_m } => {
-                    corners(from_m, o.required_m(), &mut points);
-                    corners(to_m, o.required_m(), &mut points);
-                }
-            }
-        }
-        points.retain(|p| obstacles.iter().all(|o| o.clearance(*p).1 >= SIGHT_ROOM_M));
-        let mut nodes: Vec<Node> =
-            points.into_iter().map(|position_m| Node { position_m, to_goal_m: f64::INFINITY }).collect();
-        for n in &mut nodes {
-            if sees(n.position_m, goal_m, SIGHT_ROOM_M, obstacles) {
-                n.to_goal_m = (n.position_m - goal_m).norm();
-            }
-        }
-        // Dijkstra over an implicit graph: small, and only at start.
-        let mut done = vec![false; nodes.len()];
-        loop {
-            let next = (0..nodes.len())
-                .filter(|&i| !done[i] && nodes[i].to_goal_m.is_finite())
-                .min_by(|&a, &b| nodes[a].to_goal_m.total_cmp(&nodes[b].to_goal_m));
-            let Some(i) = next else { break };
-            done[i] = true;
-            for k in 0..nodes.len() {
-                let through = nodes[i].to_goal_m + (nodes[k].position_m - nodes[i].position_m).norm();
-                if !done[k]
-                    && through < nodes[k].to_goal_m
-                    && sees(nodes[k].position_m, nodes[i].position_m, SIGHT_ROOM_M, obstacles)
-                {
-                    nodes[k].to_goal_m = through;
-                }
-            }
-        }
-        nodes.retain(|n| n.to_goal_m.is_finite());
-        Self { goal_m, nodes }
+        let (mut builder, mut looks) = (RouteBuilder::new(goal_m), usize::MAX);
+        let finished = builder.advance(obstacles, &mut looks);
+        debug_assert!(finished, "more looks than a program can take");
+        builder.finish()
     }
 
     /// Where it leads, m.
@@ -130,4 +219,38 @@ fn sees(p: Vec2, q: Vec2, room_m: f64, obstacles: &[ObstacleView]) -> bool {
         };
         apart >= o.required_m() + room
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// However small its parts, the route is the same to the bit, and a part is never much longer than
+        /// it may be.
+        #[test]
+        fn a_route_that_is_built_in_parts_is_the_same(
+            centres in prop::collection::vec((-6.0..6.0f64, -6.0..6.0f64, 0.1..1.0f64), 0..8),
+            wall in (-6.0..6.0f64, -6.0..6.0f64), part in 1..200usize, x in -8.0..8.0f64,
+        ) {
+            let circle = |&(x, y, radius_m)| Obstacle::Circle { centre_m: Vec2::new(x, y), radius_m };
+            let mut obstacles: Vec<_> = centres.iter().map(circle).collect();
+            obstacles.push(Obstacle::Segment { from_m: Vec2::new(wall.0, wall.1), to_m: Vec2::new(1.0, 2.0) });
+            let views: Vec<_> =
+                obstacles.into_iter().map(|obstacle| ObstacleView { obstacle, keep_m: 0.3 }).collect();
+            let (whole, mut parts) = (Route::build(&views, Vec2::new(x, 1.0)), RouteBuilder::new(Vec2::new(x, 1.0)));
+            let bits = |route: &Route| -> Vec<_> {
+                let of = |n: &Node| [n.position_m.x, n.position_m.y, n.to_goal_m].map(f64::to_bits);
+                route.nodes.iter().map(of).collect()
+            };
+            let mut turns = 0;
+            while !parts.advance(&views, &mut part.clone()) {
+                turns += 1;
+                prop_assert!(turns < 1_000_000);
+            }
+            prop_assert!(part > 1 || turns > views.len());
+            prop_assert_eq!(bits(&parts.finish()), bits(&whole));
+        }
+    }
 }

@@ -41,6 +41,8 @@ pub(super) struct Board {
     pub(super) worker_panics: AtomicU64,
     /// Workers that panicked too often and stay down.
     pub(super) workers_lost: AtomicU64,
+    /// Times that the thread which answers operators panicked.
+    pub(super) admin_panics: AtomicU64,
 }
 
 /// What a worker finds when it looks for work.
@@ -70,6 +72,7 @@ impl Board {
             corrupt_states: AtomicU64::new(0),
             worker_panics: AtomicU64::new(0),
             workers_lost: AtomicU64::new(0),
+            admin_panics: AtomicU64::new(0),
         }
     }
 

@@ -51,6 +51,7 @@ impl Findings {
             rejected_inputs: statistics.rejections,
             audit,
             worker_panics: statistics.worker_panics,
+            admin_panics: statistics.admin_panics,
             corrupt_states: statistics.corrupt_states,
             workers_hung,
             lost_records: statistics.lost_records,

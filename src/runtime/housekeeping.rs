@@ -118,6 +118,7 @@ impl Housekeeper {
             if over {
                 self.say();
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
+                self.statistics.admin_panics = self.board.admin_panics.load(Ordering::Relaxed);
                 self.statistics.corrupt_states = self.board.corrupt_states.load(Ordering::Relaxed);
                 let audit = self.auditor.as_ref().map(Auditor::report);
                 return Findings { accumulator: self.accumulator, statistics: self.statistics, audit };
@@ -224,6 +225,7 @@ impl Housekeeper {
         progress.time_s = (since_start + 1) as f64 * self.statistics.period_s;
         progress.workers_silent = self.answers.watchdog.silent();
         progress.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
+        progress.admin_panics = self.board.admin_panics.load(Ordering::Relaxed);
     }
 
     fn chores(&mut self) {

@@ -43,4 +43,6 @@ pub struct Progress {
     pub workers_silent: usize,
     /// Times that a worker panicked.
     pub worker_panics: u64,
+    /// Times that the thread which answers operators panicked; each lost a request.
+    pub admin_panics: u64,
 }

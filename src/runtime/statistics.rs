@@ -35,6 +35,7 @@ pub(super) struct Statistics {
     pub(super) send_failures: u64,
     pub(super) lost_records: u64,
     pub(super) worker_panics: u64,
+    pub(super) admin_panics: u64,
     pub(super) corrupt_states: u64,
     logged: Logged,
 }
@@ -78,6 +79,7 @@ impl Statistics {
             send_failures: 0,
             lost_records: 0,
             worker_panics: 0,
+            admin_panics: 0,
             corrupt_states: 0,
             logged: Logged::default(),
         })

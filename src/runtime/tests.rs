@@ -24,7 +24,7 @@ use crate::wire::{
 };
 
 #[path = "../../tests/support/mod.rs"]
-mod support;
+pub(super) mod support;
 use support::{World, config, lanes, straight};
 
 const T: u64 = 80_000_000;

@@ -21,6 +21,7 @@ mod write;
 
 pub(crate) use check::{ROUNDING_M, SIZE_MAX_M};
 pub(crate) use read::read;
+pub(crate) use write::ScenarioText;
 
 use crate::document::{ConfigError, Document, Problem};
 use crate::geometry::{Vec2, wrap};

@@ -8,15 +8,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from .codes import NO_ROBOT, AdminCode, AdminFlags, AdminKind
-from .errors import AdminTimeoutError, ReleasedError, TransferError
+from .errors import AdminTimeoutError, InterruptedReadError, ReleasedError, TransferError
 from .layout import AdminAnswer, AdminRequest, AdminRobot
-from .refusals import refusal
+from .refusals import RefusedError, refusal
 from .subscriber import LOOK_EVERY_S
 from .transport import Attachment
 from .wheel import iox2
 
 LONGEST_WAIT_S = 60.0
 """The daemon takes no request that expires later than this."""
+
+BEGINNINGS = 8
+"""How often a text is begun before it is given up."""
 
 
 @dataclass(frozen=True)
@@ -82,16 +85,16 @@ class AdminClient:
 
     def status(self) -> Status:
         """How is the daemon doing?"""
-        figures, text = self._ask(AdminKind.STATUS)
-        return Status(figures, tuple(text.decode(errors="replace").splitlines()))
+        figures, text = self._read(AdminKind.STATUS)
+        return Status(figures, tuple(text.splitlines()))
 
     def configuration(self) -> str:
         """The configuration in force, as TOML."""
-        return self._text(AdminKind.CONFIGURATION)
+        return self._read(AdminKind.CONFIGURATION)[1]
 
     def scenario(self) -> str:
         """The scenario as it is now, as TOML: robots, goals, obstacles."""
-        return self._text(AdminKind.SCENARIO)
+        return self._read(AdminKind.SCENARIO)[1]
 
     def set_goal(self, robot: int, x_m: float, y_m: float) -> Done:
         """Sends a robot to a new goal, m. Refused: it keeps the goal that it has."""
@@ -146,17 +149,32 @@ class AdminClient:
         answer, _ = self._ask(kind, robots or [])
         return Done(answer.epoch, answer.acts_from_tick)
 
-    def _text(self, kind: AdminKind) -> str:
-        """A long text, piece by piece."""
-        text = b""
-        while True:
-            answer, piece = self._ask(kind, offset=len(text))
-            text += piece
-            if not piece or len(text) >= answer.text_bytes:
-                return text.decode(errors="replace")
+    def _read(self, kind: AdminKind) -> tuple[AdminAnswer, str]:
+        """A text, piece by piece if it is long, and all of it of one moment."""
+        for _ in range(BEGINNINGS):
+            first, text = self._ask(kind)
+            while len(text) < first.text_bytes:
+                try:
+                    # Of the same run: another one would go on with another text.
+                    answer, piece = self._ask(kind, offset=len(text), epoch=first.epoch)
+                except RefusedError as error:
+                    if error.code in (AdminCode.BUSY, AdminCode.OTHER_EPOCH):
+                        break
+                    raise
+                if answer.text_bytes != first.text_bytes or not piece:
+                    break
+                text += piece
+            if len(text) == first.text_bytes:
+                return first, text.decode(errors="replace")
+            time.sleep(LOOK_EVERY_S)
+        raise InterruptedReadError(BEGINNINGS)
 
     def _ask(
-        self, kind: AdminKind, robots: list[AdminRobot] | None = None, offset: int = 0
+        self,
+        kind: AdminKind,
+        robots: list[AdminRobot] | None = None,
+        offset: int = 0,
+        epoch: int = 0,
     ) -> tuple[AdminAnswer, bytes]:
         if self._port is None:
             raise ReleasedError("the admin client")
@@ -167,6 +185,7 @@ class AdminClient:
         request = AdminRequest(
             ticket=self._tickets,
             expires_ns=time.monotonic_ns() + int(timeout_s * 1e9),
+            epoch=epoch,
             offset=offset,
             kind=int(kind),
         )

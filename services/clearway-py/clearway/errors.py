@@ -103,3 +103,13 @@ class AdminTimeoutError(ClearwayError, TimeoutError):
             f"the daemon did not answer within {timeout_s:g} s: "
             "it may have ended, be stopped, or have periods longer than that"
         )
+
+
+class InterruptedReadError(ClearwayError):
+    """A text could not be read as a whole, again and again."""
+
+    def __init__(self, times: int) -> None:
+        super().__init__(
+            f"a text could not be read to its end, {times} times: the daemon was started again meanwhile, or "
+            "too many others read as well; ask again"
+        )

@@ -107,6 +107,47 @@ class Admin(WorldTestCase):
         self.assertGreater(len(text), 16 * 1024)
         self.assertEqual(text.count("[[robot]]"), 200)
 
+    def test_a_long_text_is_that_of_one_moment(self):
+        self.daemon("--scenario", "circle-200", "--set", "source.arena_m=100", period_us=80_000)
+        admin, other = self.attach().admin, self.attach().admin
+        admin.timeout_s = other.timeout_s = 60.0
+        ask, pieces = admin._ask, []
+
+        def ask_while_the_fleet_changes(kind, *rest, **where):
+            answered = ask(kind, *rest, **where)
+            pieces.append(answered)
+            # The first robot and the last one move together.
+            apart = float(len(pieces))
+            other.set_goals({0: (60.0, apart), 199: (70.0, apart)})
+            other.scenario()
+            return answered
+
+        before = admin.scenario()
+        admin._ask = ask_while_the_fleet_changes
+        self.assertEqual(admin.scenario(), before)
+        self.assertGreater(len(pieces), 1)
+        admin._ask = ask
+        after = admin.scenario()
+        moved = f"y_m = {float(len(pieces))}"
+        self.assertEqual((after.count("x_m = 60.0, " + moved), after.count("x_m = 70.0, " + moved)), (1, 1))
+
+    def test_a_text_that_is_put_away_is_read_from_its_beginning(self):
+        self.start_fleet()
+        ask, refused = self.admin._ask, []
+
+        def ask_in_vain(kind, robots=None, offset=0, epoch=0):
+            answer, text = ask(kind, robots)
+            if offset > 0:
+                refused.append(offset)
+                raise refusals.BusyError(clearway.AdminCode.BUSY, None, "not kept any more")
+            answer.text_bytes = len(text) + 1
+            return answer, text
+
+        self.admin._ask = ask_in_vain
+        with self.assertRaises(clearway.InterruptedReadError):
+            self.admin.scenario()
+        self.assertEqual(len(refused), 8)
+
     def test_what_is_not_answered_in_time_is_not_carried_out_later(self):
         self.start_fleet()
         self.running.send_signal(signal.SIGSTOP)

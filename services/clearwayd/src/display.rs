@@ -138,6 +138,7 @@ fn health(p: &Progress) -> Vec<String> {
         (p.rejected_inputs, "rejected"),
         (p.lost_records, "records lost"),
         (p.worker_panics, "worker panics"),
+        (p.admin_panics, "DEGRADED: panics while answering operators"),
         (p.workers_silent as u64, "workers silent"),
     ];
     parts.extend(

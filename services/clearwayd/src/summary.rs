@@ -54,6 +54,7 @@ pub(crate) fn table(report: &Report) -> String {
         (report.lost_records, "records lost"),
         (report.send_failures, "sends that failed"),
         (report.worker_panics, "worker panics"),
+        (report.admin_panics, "panics answering operators"),
         (report.corrupt_states, "states that changed in memory"),
         (report.workers_hung as u64, "workers hung"),
     ];

@@ -29,10 +29,24 @@ pub(super) struct Facts<'a> {
     /// When the answer is given, ns.
     pub(super) now_ns: u64,
     pub(super) worker_panics: u64,
+    /// Times that the thread which answers panicked.
+    pub(super) admin_panics: u64,
     pub(super) shared: &'a Shared,
 }
 
 impl Facts<'_> {
+    /// What falls short, a line each.
+    pub(super) fn degraded(&self) -> Vec<String> {
+        let mut lines = self.shared.realtime.degraded.clone();
+        if self.admin_panics > 0 {
+            lines.push(format!(
+                "the thread that answers operators panicked, times: {}; requests were lost, look at the log",
+                self.admin_panics
+            ));
+        }
+        lines
+    }
+
     pub(super) fn answer(
         &self,
         request: &AdminRequest,
@@ -75,7 +89,7 @@ impl Facts<'_> {
             unseen: count(progress.unseen),
             workers: count(self.shared.workers),
             workers_silent: count(progress.workers_silent),
-            degraded: count(self.shared.realtime.degraded.len()),
+            degraded: count(self.shared.realtime.degraded.len() + usize::from(self.admin_panics > 0)),
             // The workers read the states as well.
             state_readers: count(attached.state_readers.saturating_sub(self.shared.workers)),
             command_readers: count(attached.command_readers),
@@ -98,7 +112,7 @@ impl Facts<'_> {
         [
             (self.hold & state_flags::PAUSED != 0, admin_flags::PAUSED),
             (self.hold & state_flags::STOPPED != 0, admin_flags::STOPPED),
-            (!realtime.degraded.is_empty(), admin_flags::DEGRADED),
+            (!realtime.degraded.is_empty() || self.admin_panics > 0, admin_flags::DEGRADED),
             (realtime.memory_locked, admin_flags::MEMORY_LOCKED),
             (observed, admin_flags::OBSERVED),
             (self.shared.until == Until::Arrived, admin_flags::ENDS_ON_ARRIVAL),

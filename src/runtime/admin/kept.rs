@@ -48,7 +48,7 @@ impl<C: Clock> Admin<C> {
     pub(super) fn done_once_kept(&mut self, asked: Asked, acts_from_tick: u64) {
         match self.shared.journal.as_ref().map(Journal::newest) {
             Some(number) => self.unkept.push(Unkept { number, asked, acts_from_tick }),
-            None => self.done(asked, acts_from_tick, ""),
+            None => self.done(asked, acts_from_tick),
         }
     }
 
@@ -58,7 +58,7 @@ impl<C: Clock> Admin<C> {
         for one in std::mem::take(&mut self.unkept) {
             match journal.outcome(one.number) {
                 None => self.unkept.push(one),
-                Some(Ok(())) => self.done(one.asked, one.acts_from_tick, ""),
+                Some(Ok(())) => self.done(one.asked, one.acts_from_tick),
                 Some(Err(why)) => {
                     let text = format!(
                         "it is carried out and in force, and will not survive a restart of the daemon: the journal \

@@ -4,12 +4,21 @@
 //! change waits on the [`Desk`] for the loop, which carries it out at the start of the next period. No
 //! more waits there than one period takes, and no client has more than its share; what goes beyond is
 //! answered busy at once. So a flood costs this thread some time and the period nothing.
+//!
+//! What takes long (thousands of goals, routes among many obstacles, the text of a large fleet) is worked
+//! off a part at a time; whatever holds the fleet is taken up between two parts. A panic costs the request
+//! that it came from.
 
 mod answer;
+mod goals;
+mod job;
 mod kept;
 mod plan;
 mod refusal;
 mod rehearsal;
+#[cfg(test)]
+mod tests;
+mod texts;
 mod thread;
 mod under_way;
 
@@ -58,7 +67,6 @@ pub(super) fn admin_thread(
     shared: Shared,
     ready: &SyncSender<Result<(), DaemonError>>,
 ) {
-    let _say = SayIfPanicked;
     let prepared = (|| {
         let node = transport.attach("clearwayd-admin")?;
         let server = node.admin_server(shared.config.admin.max_clients)?;
@@ -71,20 +79,6 @@ pub(super) fn admin_thread(
         }
         Err(e) => {
             let _ = ready.send(Err(e));
-        }
-    }
-}
-
-/// Says at once that nobody answers operators any more, and not only when the run is over.
-struct SayIfPanicked;
-
-impl Drop for SayIfPanicked {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            tracing::error!(
-                "the thread that answers operators panicked: the fleet drives on, and no request is answered \
-                 until the daemon is started again; end it with a signal to stop the fleet"
-            );
         }
     }
 }

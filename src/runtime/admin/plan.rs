@@ -1,3 +1,6 @@
+use std::collections::HashMap;
+
+use super::goals::Goals;
 use super::refusal::Refusal;
 use crate::config::Config;
 use crate::geometry::{Pose, Vec2};
@@ -11,6 +14,8 @@ use crate::wire::{AdminCode, AdminKind, AdminRobot, NO_ROBOT, state_flags};
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     places: Vec<Option<RobotSpec>>,
+    /// The place of each robot, by its id.
+    ids: HashMap<u32, usize>,
     hold: u32,
     limits: Limits,
     obstacles: Vec<Obstacle>,
@@ -24,7 +29,10 @@ impl Plan {
         let scenario = &config.scenario;
         let mut places: Vec<_> = scenario.robots.iter().copied().map(Some).collect();
         places.resize(config.places(), None);
+        let taken =
+            places.iter().enumerate().filter_map(|(place, robot)| Some((robot.as_ref()?.id.0, place)));
         Self {
+            ids: taken.collect(),
             places,
             hold: 0,
             limits: scenario.limits,
@@ -46,6 +54,23 @@ impl Plan {
 
     pub(super) fn robots(&self) -> impl Iterator<Item = &RobotSpec> {
         self.places.iter().flatten()
+    }
+
+    /// How many robots there are.
+    pub(super) fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// The places of all robots that have a goal.
+    pub(super) fn aimed(&self) -> impl Iterator<Item = (usize, &RobotSpec)> {
+        let taken =
+            self.places.iter().enumerate().filter_map(|(place, robot)| Some((place, robot.as_ref()?)));
+        taken.filter(|(_, robot)| robot.foreign_speed_mps.is_none())
+    }
+
+    /// Obstacles that a point is checked against.
+    pub(super) fn obstacles(&self) -> usize {
+        self.obstacles.len()
     }
 
     /// Bits of [`state_flags`] that hold the fleet.
@@ -79,9 +104,14 @@ impl Plan {
     }
 
     fn put(&mut self, place: usize, robot: Option<RobotSpec>) {
-        if let Some(slot) = self.places.get_mut(place) {
-            *slot = robot;
+        let Some(slot) = self.places.get_mut(place) else { return };
+        if let Some(before) = slot {
+            self.ids.remove(&before.id.0);
         }
+        if let Some(robot) = robot {
+            self.ids.insert(robot.id.0, place);
+        }
+        *slot = robot;
     }
 
     /// What a request of a kind that changes something comes to.
@@ -96,7 +126,11 @@ impl Plan {
             if none { Ok(changes) } else { Err(Refusal::about_no_robot()) }
         };
         match kind {
-            AdminKind::SetGoals => self.goals(records),
+            AdminKind::SetGoals => {
+                let mut goals = Goals::new(self, records.to_vec())?;
+                while !goals.advance(self, &mut { usize::MAX })? {}
+                Ok(goals.changes())
+            }
             AdminKind::AddRobot => self.add(records),
             AdminKind::RemoveRobot => self.remove(records),
             AdminKind::Pause => hold(paused, 0),
@@ -115,39 +149,10 @@ impl Plan {
         }
     }
 
-    fn goals(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
-        if records.is_empty() || records.len() > self.capacity() {
-            return Err(Refusal::malformed("goals for one robot or several, at most for all, are needed"));
-        }
-        let mut after = self.clone();
-        let mut changes: Vec<Change> = Vec::with_capacity(records.len());
-        for record in records {
-            let (place, robot) = self.find(record.id)?;
-            let goal_m = Vec2::new(record.goal_x_m, record.goal_y_m);
-            self.check_point(robot.id, robot.radius_m, goal_m, "the goal")?;
-            if changes.iter().any(|change| matches!(change, Change::Goal { place: p, .. } if *p == place)) {
-                return Err(Refusal::of(
-                    record.id,
-                    AdminCode::RepeatedRobot,
-                    format!("robot {} stands in the request twice", record.id),
-                ));
-            }
-            let change = Change::Goal { place, goal_m };
-            after.apply(&change);
-            changes.push(change);
-        }
-        for change in &changes {
-            if let Change::Goal { place, .. } = change {
-                after.check_goal_is_free(*place)?;
-            }
-        }
-        Ok(changes)
-    }
-
     fn add(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
         let [record] = records else { return Err(Refusal::malformed("one robot at a time is added")) };
         let id = record.id;
-        if id == NO_ROBOT || self.robots().any(|robot| robot.id.0 == id) {
+        if id == NO_ROBOT || self.ids.contains_key(&id) {
             return Err(Refusal::of(id, AdminCode::TakenId, format!("the id {id} is taken: choose another")));
         }
         if !(record.radius_m > 0.0 && record.radius_m <= SIZE_MAX_M) {
@@ -177,11 +182,9 @@ impl Plan {
             );
             return Err(Refusal::of(id, AdminCode::Full, text));
         };
-        let change = Change::Add { place, robot, margin_m: self.margin_m() };
-        let mut after = self.clone();
-        after.apply(&change);
-        after.check_goal_is_free(place)?;
-        Ok(vec![change])
+        let others = self.aimed().map(|(_, other)| (other.id, other.radius_m, other.goal_m));
+        self.check_goal((robot.id, robot.radius_m, robot.goal_m), others)?;
+        Ok(vec![Change::Add { place, robot, margin_m: self.margin_m() }])
     }
 
     fn remove(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
@@ -190,7 +193,7 @@ impl Plan {
     }
 
     /// Gap between two bodies, m, for those who cannot see each other exactly.
-    fn margin_m(&self) -> f64 {
+    pub(super) fn margin_m(&self) -> f64 {
         self.limits.safety_margin_m + 2.0 * self.noise_m
     }
 
@@ -200,10 +203,9 @@ impl Plan {
     }
 
     /// A robot that takes commands, and its place.
-    fn find(&self, id: u32) -> Result<(usize, &RobotSpec), Refusal> {
-        let mut taken =
-            self.places.iter().enumerate().filter_map(|(place, robot)| Some((place, robot.as_ref()?)));
-        let Some(found) = taken.find(|(_, robot)| robot.id.0 == id) else {
+    pub(super) fn find(&self, id: u32) -> Result<(usize, &RobotSpec), Refusal> {
+        let place = self.ids.get(&id).copied();
+        let Some(found) = place.and_then(|place| Some((place, self.robot(place)?))) else {
             let text = format!("there is no robot {id} in the fleet");
             return Err(Refusal::of(id, AdminCode::UnknownRobot, text));
         };
@@ -215,7 +217,7 @@ impl Plan {
     }
 
     /// Whether a robot may stand at `p`, as far as the arena and the obstacles go.
-    fn check_point(&self, id: RobotId, radius_m: f64, p: Vec2, what: &str) -> Result<(), Refusal> {
+    pub(super) fn check_point(&self, id: RobotId, radius_m: f64, p: Vec2, what: &str) -> Result<(), Refusal> {
         // `{:?}` writes 1e300 as that and not as 301 digits.
         let place = format!("{what} of robot {id}, ({:?}, {:?}) m,", p.x, p.y);
         if !(p.x.is_finite() && p.y.is_finite()) {
@@ -237,20 +239,21 @@ impl Plan {
         Ok(())
     }
 
-    /// Whether the goal of the robot in `place` leaves every other robot room at its own.
-    fn check_goal_is_free(&self, place: usize) -> Result<(), Refusal> {
-        let Some(robot) = self.robot(place) else { return Ok(()) };
-        let others = self.places.iter().enumerate().filter(|(other, _)| *other != place);
-        for other in others.filter_map(|(_, other)| other.as_ref()).filter(|o| o.foreign_speed_mps.is_none())
-        {
-            let apart_m = (other.goal_m - robot.goal_m).norm();
-            let required_m = self.margin_m() + robot.radius_m + other.radius_m;
+    /// Whether a robot's goal leaves every one of `others` room at its own: each is given by its id, its
+    /// radius and its goal.
+    pub(super) fn check_goal(
+        &self,
+        (id, radius_m, goal_m): (RobotId, f64, Vec2),
+        others: impl Iterator<Item = (RobotId, f64, Vec2)>,
+    ) -> Result<(), Refusal> {
+        for (other, other_radius_m, other_goal_m) in others {
+            let apart_m = (other_goal_m - goal_m).norm();
+            let required_m = self.margin_m() + radius_m + other_radius_m;
             if apart_m < required_m - ROUNDING_M {
                 let text = format!(
-                    "the goal of robot {} is {apart_m:.3} m from that of robot {}: they have to be {required_m:.3} m apart",
-                    robot.id, other.id
+                    "the goal of robot {id} is {apart_m:.3} m from that of robot {other}: they have to be {required_m:.3} m apart"
                 );
-                return Err(Refusal::of(robot.id.0, AdminCode::GoalTaken, text));
+                return Err(Refusal::of(id.0, AdminCode::GoalTaken, text));
             }
         }
         Ok(())

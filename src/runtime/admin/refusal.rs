@@ -59,3 +59,7 @@ pub(super) fn expired() -> Refusal {
 pub(super) fn ending() -> Refusal {
     Refusal::fleet(AdminCode::Ending, "the run is ending".to_owned())
 }
+
+pub(super) fn outdated() -> Refusal {
+    Refusal::fleet(AdminCode::Busy, "the fleet changed meanwhile: try again".to_owned())
+}

@@ -1,26 +1,34 @@
-use std::sync::PoisonError;
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::Shared;
 use super::answer::{Facts, Tally};
+use super::job::{Job, Order, Routes, Text};
 use super::kept::Unkept;
 use super::plan::Plan;
-use super::refusal::{Refusal, busy, check_header, ending, expired};
+use super::refusal::{Refusal, busy, check_header, ending, expired, outdated};
+use super::texts::Texts;
 use super::under_way::{Pending, UnderWay, is_hold, is_stop, stop_in_force};
-use crate::channel::{AdminServer, Asked, Attached, Attachment};
+use crate::channel::{AdminServer, Asked, Attached, Attachment, TEXT_MAX};
 use crate::clock::Clock;
-use crate::controller::PreparedRoute;
 use crate::runtime::board::Released;
 use crate::runtime::desk::{Batch, Change, Outcome};
-use crate::wire::{AdminCode, AdminKind, NO_ROBOT, RobotState};
+use crate::wire::{AdminCode, AdminKind, NO_ROBOT};
 
 /// Requests looked at in one round.
 const REQUESTS_A_ROUND: usize = 64;
-/// Of these, the ones that want more than a line: who is attached, a long text.
+/// Of these, the ones that want more than a line: who is attached, a long text. So many wait, too.
 const QUERIES_A_ROUND: usize = 16;
+/// Looks at an obstacle, or what costs as much, that the work on long requests takes in one round: about
+/// a millisecond.
+const LOOKS_A_ROUND: usize = 100_000;
 /// How long it is remembered who is attached.
 const ATTACHED_FOR: Duration = Duration::from_millis(200);
+/// How long the thread rests after a panic, so that one that repeats does not fill the log.
+const REST: Duration = Duration::from_millis(20);
 
 /// The thread's state.
 pub(in crate::runtime) struct Admin<C: Clock> {
@@ -36,11 +44,19 @@ pub(in crate::runtime) struct Admin<C: Clock> {
     pending: Vec<Pending>,
     /// What is done and has to be kept before it is answered.
     pub(super) unkept: Vec<Unkept>,
+    /// What may take long, in the order in which it came.
+    jobs: VecDeque<Job>,
+    texts: Texts,
+    /// Counts the changes of what is carried out.
+    version: u64,
     next_key: u64,
     refusals_known: u64,
     tally: Tally,
     attached: Option<(Instant, Attached)>,
     started: Instant,
+    /// Panics when such a request is looked at.
+    #[cfg(test)]
+    pub(super) fault: Option<AdminKind>,
 }
 
 impl<C: Clock> Admin<C> {
@@ -56,11 +72,16 @@ impl<C: Clock> Admin<C> {
             under_way: Vec::new(),
             pending: Vec::new(),
             unkept: Vec::new(),
+            jobs: VecDeque::new(),
+            texts: Texts::default(),
+            version: 0,
             next_key: 0,
             refusals_known: 0,
             tally: Tally::default(),
             attached: None,
             started: Instant::now(),
+            #[cfg(test)]
+            fault: None,
         }
     }
 
@@ -71,23 +92,45 @@ impl<C: Clock> Admin<C> {
             .clamp(Duration::from_millis(1), Duration::from_millis(5));
         loop {
             let over = self.shared.board.released(None) == Released::Over;
-            self.round(over);
+            let more = self.round_or_rest(over);
             if over {
+                for job in std::mem::take(&mut self.jobs) {
+                    self.refuse(job.into_asked(), &ending());
+                }
                 self.wait_for_kept();
                 for Pending { asked, .. } in std::mem::take(&mut self.pending) {
                     self.refuse(asked, &ending());
                 }
                 return;
             }
-            std::thread::sleep(pause);
+            if !more {
+                std::thread::sleep(pause);
+            }
         }
     }
 
-    /// Answers what has come back from the loop, and looks at what is asked.
-    pub(in crate::runtime) fn round(&mut self, over: bool) {
+    /// A round whose panic costs the request that was looked at, which is never answered, and nothing else.
+    pub(super) fn round_or_rest(&mut self, over: bool) -> bool {
+        // What was carried out changes in steps that do not fail, and the plan is made anew from it.
+        let round = catch_unwind(AssertUnwindSafe(|| self.round(over)));
+        round.unwrap_or_else(|_| {
+            self.shared.board.admin_panics.fetch_add(1, Ordering::Relaxed);
+            tracing::error!(
+                "the thread that answers operators panicked: the request is lost, and it goes on"
+            );
+            self.plan_anew();
+            std::thread::sleep(REST);
+            false
+        })
+    }
+
+    /// Answers what has come back from the loop, looks at what is asked, and goes on with what takes long;
+    /// whether more of that waits. A stop waits for one round at most.
+    pub(in crate::runtime) fn round(&mut self, over: bool) -> bool {
         self.settle();
         self.answer_kept();
         self.serve(over);
+        self.work()
     }
 
     /// Answers what has come back from the loop.
@@ -100,11 +143,13 @@ impl<C: Clock> Admin<C> {
             }
             if let Outcome::Done { .. } = batch.outcome {
                 batch.changes.iter().for_each(|change| self.carried_out.apply(change));
+                self.version += u64::from(!is_hold(&batch.changes));
                 self.keep(&batch.changes);
+            } else {
+                let refused = matches!(batch.outcome, Outcome::Expired | Outcome::TooClose { .. });
+                self.refusals_known += u64::from(refused);
+                self.plan_anew();
             }
-            self.refusals_known +=
-                u64::from(matches!(batch.outcome, Outcome::Expired | Outcome::TooClose { .. }));
-            self.plan_anew();
             let (mine, others) = std::mem::take(&mut self.pending)
                 .into_iter()
                 .partition(|pending: &Pending| pending.key == batch.key);
@@ -141,9 +186,7 @@ impl<C: Clock> Admin<C> {
                 return self.done_once_kept(asked, tick + 1);
             }
             Outcome::Expired => expired(),
-            Outcome::Waiting | Outcome::Outdated => {
-                Refusal::fleet(AdminCode::Busy, "the fleet changed meanwhile: try again".to_owned())
-            }
+            Outcome::Waiting | Outcome::Outdated => outdated(),
             Outcome::TooClose { id } => {
                 let text = format!("it would stand too close to robot {id}, or in its way of this period");
                 Refusal::of(id, AdminCode::TooClose, text)
@@ -170,6 +213,8 @@ impl<C: Clock> Admin<C> {
                     continue;
                 }
             };
+            #[cfg(test)]
+            assert_ne!(self.fault, Some(kind), "a fault, injected");
             match kind {
                 _ if kind.is_question() => {
                     queries += 1;
@@ -184,76 +229,113 @@ impl<C: Clock> Admin<C> {
         }
     }
 
+    /// Goes on with what takes long; whether more of it waits.
+    fn work(&mut self) -> bool {
+        let mut looks = LOOKS_A_ROUND;
+        while looks > 0 {
+            let Some(job) = self.jobs.pop_front() else { return false };
+            looks -= 1;
+            if self.clock.now_ns() >= job.asked().header().expires_ns {
+                self.refuse(job.into_asked(), &expired());
+                continue;
+            }
+            match job {
+                Job::Order(order) => self.go_on(order, &mut looks),
+                Job::Text(text) => self.write(text, &mut looks),
+            }
+        }
+        !self.jobs.is_empty()
+    }
+
+    fn go_on(&mut self, mut order: Order, looks: &mut usize) {
+        if order.is_outdated(self.refusals_known) {
+            self.refuse(order.finish().0, &outdated());
+            return;
+        }
+        let scenario = &self.shared.config.scenario;
+        let margin_m = scenario.limits.safety_margin_m;
+        match order.advance((&self.plan, self.refusals_known), &scenario.obstacles, margin_m, looks) {
+            Ok(true) => self.pass_on(order.finish()),
+            Ok(false) => self.jobs.push_front(Job::Order(order)),
+            Err(refusal) => self.refuse(order.finish().0, &refusal),
+        }
+    }
+
+    fn write(&mut self, mut text: Text, looks: &mut usize) {
+        if !text.is_begun() {
+            if let Some(newest) = self.texts.newest(AdminKind::Scenario, self.version) {
+                let (asked, _) = text.finish();
+                return self.tell_text(asked, AdminKind::Scenario, &newest);
+            }
+            text.begin(self.carried_out.scenario(&self.shared.config.scenario), self.version);
+            *looks = looks.saturating_sub(self.carried_out.capacity());
+        }
+        if !text.advance(looks) {
+            self.jobs.push_front(Job::Text(text));
+            return;
+        }
+        let version = text.version;
+        let (asked, whole) = text.finish();
+        let newest = self.texts.keep(AdminKind::Scenario, version, whole);
+        self.tell_text(asked, AdminKind::Scenario, &newest);
+    }
+
     /// Whether a request is to be looked at at all.
     fn check(&self, asked: &Asked) -> Result<AdminKind, Refusal> {
         check_header(asked.header(), self.shared.epoch, self.clock.now_ns())
     }
 
-    /// Passes a request that changes something on to the loop, if it is sound.
+    /// Takes on a request that changes something: what holds the fleet or lets it go at once, anything else
+    /// after what came before it.
     fn accept(&mut self, asked: Asked, kind: AdminKind) {
         if kind == AdminKind::Stop {
             if let Some(key) = stop_in_force(&self.under_way) {
                 self.pending.push(Pending { key, asked });
                 return;
             }
-        } else {
-            // A period takes this many; a client half of them, so that another one finds room.
-            let most = self.shared.config.admin.changes_per_period;
-            let mine = self.under_way.iter().filter(|one| one.client == asked.client()).count();
-            let all = self.under_way.iter().filter(|one| !is_stop(&one.changes)).count();
-            if all >= most || mine >= most.div_ceil(2) {
-                self.refuse(asked, &busy("too many changes in one period"));
-                return;
-            }
+        } else if !self.has_room_for(asked.client()) {
+            self.refuse(asked, &busy("too many changes in one period"));
+            return;
         }
-        let changes = if asked.len() > self.plan.capacity() {
-            Err(Refusal::malformed("the request is about more robots than the fleet has room for"))
+        if is_about_hold(&asked) {
+            match self.plan.changes(kind, &asked.robots()) {
+                Ok(changes) => self.pass_on((asked, changes, Vec::new(), self.refusals_known)),
+                Err(refusal) => self.refuse(asked, &refusal),
+            }
         } else {
-            self.plan.changes(kind, &asked.robots())
-        };
-        match changes {
-            Ok(changes) => self.pass_on(asked, changes),
-            Err(refusal) => self.refuse(asked, &refusal),
+            self.jobs.push_back(Job::Order(Order::new(asked, kind)));
         }
     }
 
-    fn pass_on(&mut self, asked: Asked, changes: Vec<Change>) {
+    /// A period takes so many changes; a client half of them, so that another one finds room.
+    fn has_room_for(&self, client: u128) -> bool {
+        let most = self.shared.config.admin.changes_per_period;
+        let orders = || self.jobs.iter().filter(|job| job.is_order());
+        let mine = self.under_way.iter().filter(|one| one.client == client).count()
+            + orders().filter(|job| job.asked().client() == client).count();
+        let all = self.under_way.iter().filter(|one| !is_stop(&one.changes)).count() + orders().count();
+        all < most && mine < most.div_ceil(2)
+    }
+
+    /// Passes a sound request on to the loop.
+    fn pass_on(&mut self, (asked, changes, routes, refusals_known): (Asked, Vec<Change>, Routes, u64)) {
+        let (key, client, expires_ns) = (self.next_key, asked.client(), asked.header().expires_ns);
+        let outcome = Outcome::Waiting;
+        let batch = Batch { key, expires_ns, refusals_known, changes: changes.clone(), routes, outcome };
+        self.next_key += 1;
         for change in &changes {
             self.plan.apply(change);
         }
-        let routes = self.prepare_routes(&changes);
-        let key = self.next_key;
-        let batch = Batch {
-            key,
-            expires_ns: asked.header().expires_ns,
-            refusals_known: self.refusals_known,
-            changes: changes.clone(),
-            routes,
-            outcome: Outcome::Waiting,
-        };
+        // Before the loop may have it: whatever comes back is known.
+        self.under_way.push(UnderWay { key, client, refusals_known, changes });
         if self.shared.desk.todo.push(Box::new(batch)).is_err() {
             // Answers that nobody fetched yet take the room of a stop.
-            self.refuse(asked, &busy("too many changes in one period"));
+            self.under_way.pop();
             self.plan_anew();
+            self.refuse(asked, &busy("too many changes in one period"));
             return;
         }
-        self.next_key += 1;
-        let (client, refusals_known) = (asked.client(), self.refusals_known);
-        self.under_way.push(UnderWay { key, client, refusals_known, changes });
         self.pending.push(Pending { key, asked });
-    }
-
-    /// Builds what the workers will need, before the loop tells them.
-    fn prepare_routes(&self, changes: &[Change]) -> Vec<(usize, Option<Box<PreparedRoute>>)> {
-        let scenario = &self.shared.config.scenario;
-        let build = |change: &Change| {
-            let (Change::Goal { place, .. } | Change::Add { place, .. }) = *change else { return None };
-            let robot = RobotState::at_start(self.plan.robot(place)?);
-            let margin_m = scenario.limits.safety_margin_m;
-            let route = PreparedRoute::build(&scenario.obstacles, margin_m, &robot);
-            Some((place, Some(Box::new(route))))
-        };
-        changes.iter().filter_map(build).collect()
     }
 
     /// Answers a request that changes nothing.
@@ -262,21 +344,53 @@ impl<C: Clock> Admin<C> {
             self.refuse(asked, &Refusal::about_no_robot());
             return;
         }
-        let text = match kind {
-            AdminKind::Configuration => self.shared.config.to_toml(),
-            AdminKind::Scenario => self.carried_out.scenario(&self.shared.config.scenario).to_toml(),
-            _ => self.shared.realtime.degraded.join("\n"),
-        };
-        self.done(asked, 0, &text);
+        if asked.header().offset > 0 {
+            match self.texts.go_on(asked.client(), kind, self.clock.now_ns()) {
+                Some(text) => self.tell_text(asked, kind, &text),
+                None => {
+                    self.refuse(asked, &busy("this text is not kept any more: read it from its beginning"))
+                }
+            }
+            return;
+        }
+        match kind {
+            AdminKind::Configuration => {
+                let known = self.texts.newest(kind, 0);
+                let text = known.unwrap_or_else(|| self.texts.keep(kind, 0, self.shared.config.to_toml()));
+                self.tell_text(asked, kind, &text);
+            }
+            AdminKind::Scenario => {
+                if self.jobs.iter().filter(|job| !job.is_order()).count() >= QUERIES_A_ROUND {
+                    self.refuse(asked, &busy("too many questions at a time"));
+                } else {
+                    self.jobs.push_back(Job::Text(Text::new(asked)));
+                }
+            }
+            _ => {
+                let text = self.facts().degraded().join("\n");
+                self.tell_text(asked, kind, &text.into_bytes().into());
+            }
+        }
     }
 
-    pub(super) fn done(&mut self, asked: Asked, acts_from_tick: u64, text: &str) {
-        self.tally.done += 1;
-        let facts = self.facts();
+    /// Answers with the piece of a text that is asked for.
+    fn tell_text(&mut self, asked: Asked, kind: AdminKind, text: &Arc<[u8]>) {
         let offset = usize::try_from(asked.header().offset).unwrap_or(usize::MAX);
-        let piece = text.as_bytes().get(offset..).unwrap_or_default();
-        let header = facts.answer(asked.header(), AdminCode::Done, NO_ROBOT, acts_from_tick, text.len());
+        let piece = text.get(offset..).unwrap_or_default();
+        if piece.len() <= TEXT_MAX {
+            self.texts.end(asked.client(), kind);
+        } else if offset == 0 {
+            self.texts.begin(asked.client(), kind, Arc::clone(text), self.clock.now_ns());
+        }
+        self.tally.done += 1;
+        let header = self.facts().answer(asked.header(), AdminCode::Done, NO_ROBOT, 0, text.len());
         send(asked, &header, piece);
+    }
+
+    pub(super) fn done(&mut self, asked: Asked, acts_from_tick: u64) {
+        self.tally.done += 1;
+        let header = self.facts().answer(asked.header(), AdminCode::Done, NO_ROBOT, acts_from_tick, 0);
+        send(asked, &header, &[]);
     }
 
     pub(super) fn refuse(&mut self, asked: Asked, refusal: &Refusal) {
@@ -304,13 +418,14 @@ impl<C: Clock> Admin<C> {
         Facts {
             progress,
             hold: self.carried_out.hold(),
-            robots: self.carried_out.robots().count(),
+            robots: self.carried_out.len(),
             capacity: self.carried_out.capacity(),
             attached: self.attached.map(|(_, attached)| attached).unwrap_or_default(),
             uptime: self.started.elapsed(),
             tally: self.tally,
             now_ns: self.clock.now_ns(),
             worker_panics: self.shared.board.worker_panics.load(Ordering::Relaxed),
+            admin_panics: self.shared.board.admin_panics.load(Ordering::Relaxed),
             shared: &self.shared,
         }
     }

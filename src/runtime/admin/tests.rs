@@ -1,0 +1,219 @@
+//! The thread that answers operators, round by round, with a loop that the test plays.
+
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
+
+use super::thread::Admin;
+use super::{Shared, desk_size};
+use crate::channel::{AdminPort, Transport, Waiting};
+use crate::clock::{Clock, MonotonicClock};
+use crate::config::{Config, Wakeup};
+use crate::model::Obstacle;
+use crate::realtime::Achieved;
+use crate::runtime::board::Board;
+use crate::runtime::desk::{Batch, Change, Desk, Outcome};
+use crate::runtime::tests::support::{World, config, lanes};
+use crate::runtime::{Progress, Until};
+use crate::scenario::Scenario;
+use crate::wire::{AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, admin_flags, state_flags};
+
+struct Rig {
+    admin: Admin<MonotonicClock>,
+    desk: Arc<Desk>,
+    board: Arc<Board>,
+    ports: [AdminPort; 2],
+    ticks: u64,
+    _world: World,
+}
+
+impl Rig {
+    fn new(name: &str, scenario: Scenario) -> Self {
+        let world = World::new(name);
+        let mut config: Config = config(&world, scenario, 10_000_000);
+        config.source.arena_m = 1e5;
+        let transport = Transport::new("default", &world.channel).unwrap();
+        let node = transport.attach("test").unwrap();
+        let server = node.admin_server(4).unwrap();
+        let ports = [(); 2].map(|()| node.admin().unwrap());
+        let (board, desk) =
+            (Arc::new(Board::new(vec![0], 1, Wakeup::Futex)), Arc::new(Desk::new(desk_size(&config))));
+        let shared = Shared {
+            config: Arc::new(config),
+            board: Arc::clone(&board),
+            desk: Arc::clone(&desk),
+            progress: Arc::new(Mutex::new(Progress::default())),
+            realtime: Achieved::default(),
+            workers: 1,
+            epoch: 7,
+            hold: 0,
+            journal: None,
+            until: Until::Stopped,
+        };
+        let admin = Admin::new(MonotonicClock, node, server, shared);
+        Self { admin, desk, board, ports, ticks: 0, _world: world }
+    }
+
+    fn ask(&self, client: usize, kind: AdminKind, offset: u64, robots: &[AdminRobot]) -> Waiting {
+        let expires_ns = MonotonicClock.now_ns() + 50_000_000_000;
+        let request = AdminRequest { expires_ns, offset, kind: kind as u32, ..AdminRequest::default() };
+        self.ports[client].ask(&request, robots).unwrap()
+    }
+
+    /// Rounds until there is an answer, and how many they were.
+    fn answer(&mut self, waiting: &Waiting) -> (AdminAnswer, Vec<u8>, usize) {
+        for rounds in 1..10_000 {
+            self.admin.round(false);
+            if let Some((answer, text)) = waiting.answer().unwrap() {
+                return (answer, text, rounds);
+            }
+        }
+        panic!("never answered");
+    }
+
+    /// Carries out what waits, as the loop does.
+    fn carry_out(&mut self) -> Vec<Box<Batch>> {
+        let mut seen = Vec::new();
+        while let Some(mut batch) = self.desk.todo.pop() {
+            batch.outcome = Outcome::Done { tick: self.ticks };
+            let Batch { key, expires_ns, refusals_known, outcome, .. } = *batch;
+            let changes = batch.changes.clone();
+            seen.push(Box::new(Batch {
+                key,
+                expires_ns,
+                refusals_known,
+                changes,
+                routes: Vec::new(),
+                outcome,
+            }));
+            self.desk.done.push(batch).unwrap();
+        }
+        self.ticks += 1;
+        seen
+    }
+}
+
+fn goal(id: u32, y_m: f64) -> AdminRobot {
+    AdminRobot { id, goal_x_m: 30.0, goal_y_m: y_m, ..AdminRobot::default() }
+}
+
+/// All of a large fleet to new goals among pillars.
+fn crowd(robots: u32, obstacles: u32) -> (Scenario, Vec<AdminRobot>) {
+    let mut scenario = lanes(robots, 20.0);
+    let pillar = |k| Obstacle::Circle {
+        centre_m: crate::geometry::Vec2::new(10.0, -5.0 - 3.0 * f64::from(k)),
+        radius_m: 0.5,
+    };
+    scenario.obstacles = (0..obstacles).map(pillar).collect();
+    let goals = scenario.robots.iter().map(|robot| goal(robot.id.0, robot.goal_m.y)).collect();
+    (scenario, goals)
+}
+
+#[test]
+fn a_stop_is_taken_up_in_the_next_round_however_much_is_in_work() {
+    let (scenario, goals) = crowd(10_000, 12);
+    let mut rig = Rig::new("admin_slices", scenario);
+    let slow = rig.ask(0, AdminKind::SetGoals, 0, &goals);
+    let text = rig.ask(0, AdminKind::Scenario, 0, &[]);
+    let mut rounds = 0;
+    // In every part of the work: the checks, the cells, the routes.
+    loop {
+        assert!(rig.admin.round(false), "it goes on without a pause");
+        rounds += 1;
+        assert!(rounds < 10_000);
+        if !rig.desk.todo.is_empty() {
+            break;
+        }
+        if rounds % 8 == 1 {
+            let stop = rig.ask(1, AdminKind::Stop, 0, &[]);
+            rig.admin.round(false);
+            let seen = rig.carry_out();
+            let stops = [Change::Hold { set: state_flags::STOPPED, clear: 0 }];
+            assert!(seen.first().is_some_and(|batch| batch.changes == stops), "in round {rounds}");
+            if seen.len() > 1 {
+                break;
+            }
+            let (answer, _, more) = rig.answer(&stop);
+            assert_eq!((answer.code, more), (AdminCode::Done as u32, 1));
+        }
+    }
+    rig.carry_out();
+    let (answer, _, _) = rig.answer(&slow);
+    assert_eq!(answer.code, AdminCode::Done as u32);
+    assert!(rounds > 40, "{rounds} rounds");
+    // The text waited, and shows the goals.
+    let (answer, _, _) = rig.answer(&text);
+    assert!(answer.code == AdminCode::Done as u32 && answer.text_bytes > 1_000_000);
+}
+
+#[test]
+fn what_one_request_in_work_was_checked_against_stays_so_or_it_is_answered_busy() {
+    let (scenario, goals) = crowd(3000, 12);
+    let mut rig = Rig::new("admin_outdated", scenario);
+    // With the loop already, and refused there while the other one is checked.
+    let first = rig.ask(1, AdminKind::SetGoals, 0, &[goal(0, -100.0)]);
+    rig.admin.round(false);
+    let slow = rig.ask(0, AdminKind::SetGoals, 0, &goals[1..]);
+    assert!(rig.admin.round(false));
+    let mut batch = rig.desk.todo.pop().unwrap();
+    batch.outcome = Outcome::Expired;
+    rig.desk.done.push(batch).unwrap();
+    assert_eq!(rig.answer(&first).0.code, AdminCode::Expired as u32);
+    assert_eq!(rig.answer(&slow).0.code, AdminCode::Busy as u32);
+    assert!(rig.desk.todo.is_empty());
+    // Asked again, it is carried out.
+    let again = rig.ask(0, AdminKind::SetGoals, 0, &goals[1..]);
+    while rig.desk.todo.is_empty() {
+        rig.admin.round(false);
+    }
+    assert_eq!(rig.carry_out()[0].changes.len(), goals.len() - 1);
+    assert_eq!(rig.answer(&again).0.code, AdminCode::Done as u32);
+}
+
+#[test]
+fn a_text_in_pieces_is_that_of_one_moment() {
+    let (scenario, _) = crowd(2000, 0);
+    let mut rig = Rig::new("admin_pieces", scenario.clone());
+    let ask = |rig: &mut Rig, client, offset: usize| {
+        let waiting = rig.ask(client, AdminKind::Scenario, offset as u64, &[]);
+        rig.answer(&waiting)
+    };
+    let (answer, mut before, _) = ask(&mut rig, 0, 0);
+    let whole = usize::try_from(answer.text_bytes).unwrap();
+    assert!(before.len() < whole / 10);
+    while before.len() < whole {
+        // The fleet changes between any two pieces, and another client reads what it has become.
+        let moved = rig.ask(1, AdminKind::SetGoals, 0, &[goal(0, -1.0 - rig.ticks as f64)]);
+        rig.admin.round(false);
+        rig.carry_out();
+        rig.answer(&moved);
+        ask(&mut rig, 1, 0);
+        let (answer, piece, rounds) = ask(&mut rig, 0, before.len());
+        assert_eq!((answer.text_bytes, rounds), (whole as u64, 1));
+        before.extend(piece);
+    }
+    assert_eq!(String::from_utf8(before).unwrap(), scenario.to_toml());
+    // Read whole, it is not kept; whoever goes on with nothing has to begin again.
+    let (answer, _, _) = ask(&mut rig, 0, 100);
+    assert_eq!(answer.code, AdminCode::Busy as u32);
+    let (_, after, _) = ask(&mut rig, 0, 0);
+    assert!(String::from_utf8_lossy(&after).contains(&format!("y_m = -{:?}", rig.ticks as f64)));
+}
+
+#[test]
+fn a_panic_costs_one_request_is_shown_and_leaves_a_stop_possible() {
+    let mut rig = Rig::new("admin_panic", lanes(2, 20.0));
+    rig.admin.fault = Some(AdminKind::SetGoals);
+    let lost = rig.ask(0, AdminKind::SetGoals, 0, &[goal(0, 5.0)]);
+    rig.admin.round_or_rest(false);
+    rig.admin.round_or_rest(false);
+    assert!(lost.answer().unwrap().is_none());
+    assert_eq!(rig.board.admin_panics.load(Ordering::Relaxed), 1);
+    let status = rig.ask(1, AdminKind::Status, 0, &[]);
+    let (answer, text, _) = rig.answer(&status);
+    assert!(answer.has(admin_flags::DEGRADED) && answer.degraded == 1);
+    assert!(String::from_utf8_lossy(&text).contains("panicked"));
+    let stop = rig.ask(1, AdminKind::Stop, 0, &[]);
+    rig.admin.round_or_rest(false);
+    assert_eq!(rig.carry_out().len(), 1);
+    assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32);
+}
