@@ -73,3 +73,7 @@ pub enum Until {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+#[path = "corruption/tests.rs"]
+mod corruption;

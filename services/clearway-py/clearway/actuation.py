@@ -2,7 +2,8 @@
 
 A command acts from its valid-from time and never after its valid-until time; outside, the robot stands
 still. A command of an older run, a repeated or reordered one, one that is not finite or beyond the limits or
-whose times make no sense is refused, not clamped: such a command was never verified.
+whose times make no sense is refused, not clamped: such a command was never verified. Bits that changed on
+the way are found before, by the reader of the sample.
 """
 
 from __future__ import annotations
@@ -26,9 +27,13 @@ class Refusal(Enum):
     EXPIRED = "expired"
     """It had expired when it arrived."""
     VALIDITY = "validity"
-    """It ends before it begins, or would hold longer than allowed."""
+    """It ends before it begins, would hold longer than allowed, or was published before the state that it
+    answers or after it was to act."""
+    FUTURE = "future"
+    """By this machine's clock it is stamped in the future, or would act only when what it answers is long
+    over: its sender has another clock."""
     INPUT = "input"
-    """An input is not finite or outside the limits."""
+    """An input is not finite or outside the limits, or is not a stop and gives a reason for one."""
 
 
 class _Held(NamedTuple):
@@ -106,6 +111,17 @@ class Gate:
             return Refusal.VALIDITY
         if header.valid_until_ns <= now_ns:
             return Refusal.EXPIRED
+        # Announced however early, a stop is a stop.
+        is_stop = (float(command["v_mps"]), float(command["omega_radps"])) == STOP
+        if not is_stop and not header.state_stamp_ns <= header.stamp_ns <= header.valid_from_ns:
+            return Refusal.VALIDITY
+        # A receiver may read its clock a little before the sample, and a period is published ahead.
+        ahead_ns = now_ns + self._max_hold_ns
+        early = not is_stop and header.valid_from_ns > ahead_ns + self._max_hold_ns
+        if header.stamp_ns > ahead_ns or early:
+            return Refusal.FUTURE
+        if int(command["stop_reason"]) != 0 and not is_stop:
+            return Refusal.INPUT
         # Comparisons with what is not a number are false.
         (v_min, v_max), (omega_min, omega_max) = self._v_mps, self._omega_radps
         if not (v_min <= command["v_mps"] <= v_max and omega_min <= command["omega_radps"] <= omega_max):

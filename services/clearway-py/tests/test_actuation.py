@@ -21,8 +21,8 @@ def header(epoch, tick, **more):
     )
 
 
-def go(v_mps, robot=3, omega_radps=0.0):
-    return np.array([(robot, 0, v_mps, omega_radps)], RobotCommand.dtype())[0]
+def go(v_mps, robot=3, omega_radps=0.0, stop_reason=0):
+    return np.array([(robot, stop_reason, v_mps, omega_radps)], RobotCommand.dtype())[0]
 
 
 class TheGate(unittest.TestCase):
@@ -59,6 +59,11 @@ class TheGate(unittest.TestCase):
             (header(2, 4), go(1.0), 420, Refusal.OLD_TICK),
             (header(2, 6, valid_until_ns=1), go(1.0), 420, Refusal.VALIDITY),
             (header(2, 6, valid_until_ns=2**64 - 1), go(1.0), 420, Refusal.VALIDITY),
+            (header(2, 6, state_stamp_ns=401, stamp_ns=400), go(1.0), 420, Refusal.VALIDITY),
+            (header(2, 6, state_stamp_ns=601, stamp_ns=601), go(1.0), 620, Refusal.VALIDITY),
+            (header(2, 6, stamp_ns=1421, valid_from_ns=1500, valid_until_ns=1600), go(1.0), 420, Refusal.FUTURE),
+            (header(2, 6, valid_from_ns=2421, valid_until_ns=2500), go(1.0), 420, Refusal.FUTURE),
+            (header(2, 6), go(1.0, stop_reason=7), 420, Refusal.INPUT),
             (header(2, 6), go(1.0), 700, Refusal.EXPIRED),
             (header(2, 6), go(math.nan), 420, Refusal.INPUT),
             (header(2, 6), go(5.1), 420, Refusal.INPUT),

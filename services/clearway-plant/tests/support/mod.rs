@@ -128,22 +128,27 @@ impl Listener {
 
     /// Asserts that every robot moved only as a command said, while that command was valid.
     pub fn assert_obeyed(&self, records: &[MotionRecord]) {
-        for record in records.iter().filter(|r| (r.v_mps, r.omega_radps) != (0.0, 0.0)) {
-            let told = (record.id, record.v_mps, record.omega_radps);
-            let orders = |robots: &[RobotCommand]| {
-                robots.iter().any(|command| told == (command.id, command.v_mps, command.omega_radps))
-            };
-            // One order may follow the other and say the same.
-            let mut allowed_ns = record.from_ns;
-            for (header, _) in self.heard.iter().filter(|(_, robots)| orders(robots)) {
-                if (header.valid_from_ns..header.valid_until_ns).contains(&allowed_ns) {
-                    allowed_ns = header.valid_until_ns;
-                }
-            }
-            assert!(allowed_ns >= record.to_ns, "nobody allowed {record:?} beyond {allowed_ns}");
-        }
-        assert!(records.iter().any(|record| record.v_mps > 0.0), "nobody moved");
+        assert_obeyed(&self.heard, records);
     }
+}
+
+/// Asserts that every robot moved only as a command of `heard` said, while that command was valid.
+pub fn assert_obeyed(heard: &[(CommandHeader, Vec<RobotCommand>)], records: &[MotionRecord]) {
+    for record in records.iter().filter(|r| (r.v_mps, r.omega_radps) != (0.0, 0.0)) {
+        let told = (record.id, record.v_mps, record.omega_radps);
+        let orders = |robots: &[RobotCommand]| {
+            robots.iter().any(|command| told == (command.id, command.v_mps, command.omega_radps))
+        };
+        // One order may follow the other and say the same.
+        let mut allowed_ns = record.from_ns;
+        for (header, _) in heard.iter().filter(|(_, robots)| orders(robots)) {
+            if (header.valid_from_ns..header.valid_until_ns).contains(&allowed_ns) {
+                allowed_ns = header.valid_until_ns;
+            }
+        }
+        assert!(allowed_ns >= record.to_ns, "nobody allowed {record:?} beyond {allowed_ns}");
+    }
+    assert!(records.iter().any(|record| record.v_mps > 0.0), "nobody moved");
 }
 
 /// Smallest true clearance of the robots of all `records`, m, and how many pairs violated it.
