@@ -81,6 +81,11 @@ fn keeps_clear(arc: &Arc, body: &Body, budget_m: f64, period_s: f64) -> bool {
     if driven <= budget_m {
         return true;
     }
+    // It turns by no more than |ω|T, so no more of the way than this leads towards the line.
+    let towards = -body.normal.dot(&arc.start.heading()) * arc.v_mps.signum();
+    if driven * (towards + (arc.omega_radps * period_s).abs()) <= budget_m {
+        return true;
+    }
     // Measured from a metre behind the line, long enough for any motion of this period.
     let behind_m = 1.0;
     let foot = arc.start.position_m - body.normal * (budget_m + behind_m);

@@ -43,6 +43,11 @@ fn away(offset: Vec2, distance_m: f64, me: u32, other: u32) -> Vec2 {
     }
 }
 
+/// Those of `near` whose rows can bind, however fast they may be: no farther than `all_m`, unless there are strangers.
+pub(super) fn binding<'a>(law: &Law, near: &'a [Nearby], all_m: f64) -> &'a [Nearby] {
+    if law.strangers.is_empty() { &near[..near.partition_point(|n| n.distance_m <= all_m)] } else { near }
+}
+
 /// The bodies whose rows can bind, nearest robots first, then obstacles.
 pub(super) fn bodies<'a>(
     law: &'a Law,
@@ -53,7 +58,9 @@ pub(super) fn bodies<'a>(
 ) -> impl Iterator<Item = Body> + 'a {
     let own = &fleet[me];
     let here = own.position_m();
-    let (heading, mine) = (unit(own.theta_rad), law.reach(own));
+    // Without disturbances nobody's heading matters here.
+    let heading = |robot: &RobotState| law.margin.map_or_else(Vec2::zeros, |_| unit(robot.theta_rad));
+    let (ahead, mine) = (heading(own), law.reach(own));
     let extent_m = law.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
     let speed_mps = law.limits.speed_mps() * (1.0 + law.spread());
     let reach = move |required_m: f64, share: f64| {
@@ -61,7 +68,7 @@ pub(super) fn bodies<'a>(
     };
     // Towards the other one, how far we and it may be from where we are seen, and in any direction.
     let doubt = move |normal: Vec2, other: Option<(Vec2, Reach)>| {
-        let own_m = mine.towards_m(normal.dot(&heading));
+        let own_m = mine.towards_m(normal.dot(&ahead));
         let (other_m, extent_m) = other.map_or((0.0, 0.0), |(heading, theirs)| {
             (theirs.towards_m(-normal.dot(&heading)), theirs.extent_m())
         });
@@ -83,7 +90,7 @@ pub(super) fn bodies<'a>(
         let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown_m;
         (n.distance_m <= reach(required_m, share)).then(|| {
             let normal = away(here - other.position_m(), n.distance_m, own.id, other.id);
-            let (doubt_m, extent_m) = doubt(normal, Some((unit(other.theta_rad), law.reach(other))));
+            let (doubt_m, extent_m) = doubt(normal, Some((heading(other), law.reach(other))));
             let gap_m = n.distance_m - required_m - doubt_m;
             Body {
                 normal,

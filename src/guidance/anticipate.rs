@@ -26,6 +26,8 @@ const CROWD_TARGET_M: f64 = 2.0;
 const PHASES: u32 = 16;
 /// Neighbours farther than this do not slow the robot.
 const STANDOFF_RANGE_M: f64 = 1.5;
+/// Share by which a square is enlarged so that rounding cannot lose a neighbour.
+const ROUNDING: f64 = 1e-9;
 
 /// The normal case: turn the target by the way around parked robots or by the roundabout, then choose the best candidate.
 pub(super) fn drive(
@@ -63,6 +65,11 @@ pub(super) fn drive(
     // Stop short of contact while not blocked, so that there is room left to slip aside.
     let calm = (1.0 - memory.progress.blocked_s / params.blocked_enter_s.max(limits.period_s)).max(0.0);
     for n in neighbours {
+        // From here on it does not slow, whichever way it is: the speed that it leaves only grows.
+        let from_m = n.required_distance_m + params.standoff_m * calm + v / params.row_rate;
+        if (ego.position_m - n.position_m).norm_squared() > from_m * from_m * (1.0 + ROUNDING) {
+            continue;
+        }
         let seen = n.seen_from(ego.position_m);
         let closing = -h.dot(&seen.normal);
         if seen.gap_m < STANDOFF_RANGE_M && closing > 1e-6 {

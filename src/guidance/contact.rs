@@ -15,6 +15,9 @@ pub(super) fn slide(
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
 ) -> f64 {
+    if neighbours.is_empty() && obstacles.is_empty() {
+        return heading_rad;
+    }
     let mut direction = unit(heading_rad);
     let mut changed = false;
     let mut touch = |normal: Vec2, gap: f64| {
