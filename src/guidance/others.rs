@@ -82,8 +82,9 @@ impl Others {
     /// Adds a neighbour; it slows down whoever is nearer than `slow_m`.
     pub(super) fn push(&mut self, start: Vec2, path: &Path, required_m: f64, margin_m: f64, slow_m: f64) {
         let lane = self.count;
-        for (k, point) in std::iter::once(&start).chain(path).enumerate() {
-            (self.x_m[k][lane], self.y_m[k][lane]) = (point.x, point.y);
+        (self.x_m[0][lane], self.y_m[0][lane]) = (start.x, start.y);
+        for k in 0..STEPS {
+            (self.x_m[k + 1][lane], self.y_m[k + 1][lane]) = (path.x_m[k], path.y_m[k]);
         }
         (self.required_m[lane], self.margin_m[lane]) = (required_m, margin_m);
         let close_m = required_m + margin_m;
@@ -149,12 +150,16 @@ mod tests {
             let mut paths = Vec::new();
             for (x, y, vx, vy) in starts {
                 let start = Vec2::new(x, y);
-                let path: Path = std::array::from_fn(|k| start + Vec2::new(vx, vy) * (0.16 * (k + 1) as f64));
+                let path = Path {
+                    x_m: std::array::from_fn(|k| x + vx * (0.16 * (k + 1) as f64)),
+                    y_m: std::array::from_fn(|k| y + vy * (0.16 * (k + 1) as f64)),
+                };
                 others.push(start, &path, required_m, margin_m, slow_m);
                 paths.push((start, path));
             }
             let (p, next) = (Vec2::new(x, y), Vec2::new(x + dx, y + dy));
-            let before = |(start, path): &(Vec2, Path)| if k == 0 { *start } else { path[k - 1] };
+            let end = |path: &Path, k: usize| Vec2::new(path.x_m[k], path.y_m[k]);
+            let before = |(start, path): &(Vec2, Path)| if k == 0 { *start } else { end(path, k - 1) };
             // An area around each end, with the end in one of its corners.
             let area = |p: Vec2| Area { min: p, max: p + Vec2::new(width, width) };
             let slowing: Vec<usize> = others.slowing(&area(p), k).collect();
@@ -167,7 +172,7 @@ mod tests {
             let passing: Vec<usize> = others.passing(&area(p), &area(next), k).collect();
             prop_assert!(passing.is_sorted() && passing.iter().all(|lane| *lane < paths.len()));
             for (lane, path) in paths.iter().enumerate() {
-                let (from, to) = (p - before(path), next - path.1[k]);
+                let (from, to) = (p - before(path), next - end(&path.1, k));
                 let apart = crate::geometry::closest_point_on_segment(Vec2::zeros(), from, to).norm();
                 prop_assert!(apart >= required_m + margin_m || passing.contains(&lane), "{lane} {apart}");
             }

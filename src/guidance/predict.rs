@@ -3,7 +3,13 @@
 //!
 //! It depends on that robot alone, so it is worked out once a period, when somebody asks for it first.
 
+#![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
+#![expect(clippy::needless_range_loop, reason = "a lane indexes several arrays")]
+#![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
+
 use super::Params;
+use super::lanes::{WIDTH, Wide};
+use super::others::{least, most};
 use super::types::{Limits, Neighbour};
 use crate::geometry::{Vec2, rotate, unit};
 
@@ -11,7 +17,11 @@ use crate::geometry::{Vec2, rotate, unit};
 pub(super) const STEPS: usize = 16;
 
 /// Positions at the ends of the steps, m.
-pub(super) type Path = [Vec2; STEPS];
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Path {
+    pub(super) x_m: [f64; STEPS],
+    pub(super) y_m: [f64; STEPS],
+}
 
 /// The predictions of one period. Made once; neither allocates nor locks afterwards.
 #[derive(Debug, Clone)]
@@ -25,7 +35,8 @@ pub struct Predictions {
 impl Predictions {
     /// With room for a fleet of `robots`.
     pub fn for_robots(robots: usize) -> Self {
-        Self { period: 0, known: vec![0; robots], paths: vec![[Vec2::zeros(); STEPS]; robots] }
+        let nowhere = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
+        Self { period: 0, known: vec![0; robots], paths: vec![nowhere; robots] }
     }
 
     /// Forgets the last period.
@@ -37,14 +48,24 @@ impl Predictions {
         }
     }
 
-    /// Where `n` will be.
-    pub(super) fn of(&mut self, n: &Neighbour, limits: &Limits, params: &Params) -> &Path {
-        let path = &mut self.paths[n.index];
-        if self.known[n.index] != self.period {
-            self.known[n.index] = self.period;
-            *path = predict(n, limits, params);
+    /// Works out where `neighbours` will be, as far as nobody has asked before; several side by side.
+    pub(super) fn learn(&mut self, neighbours: &[Neighbour], turn: Turn, params: &Params) {
+        let mut row = Row::empty();
+        for n in neighbours {
+            if self.known[n.index] != self.period {
+                self.known[n.index] = self.period;
+                row.push(n, params);
+                if row.count == WIDTH {
+                    row.drive(turn, params, &mut self.paths);
+                }
+            }
         }
-        path
+        row.drive(turn, params, &mut self.paths);
+    }
+
+    /// Where the robot of this index will be, once it has been worked out.
+    pub(super) fn of(&self, index: usize) -> &Path {
+        &self.paths[index]
     }
 }
 
@@ -78,25 +99,198 @@ impl Turn {
     }
 }
 
-/// Turn to the published heading, hold it, then go to the target and stay there.
-fn predict(n: &Neighbour, limits: &Limits, params: &Params) -> Path {
-    let mut points = [n.position_m; STEPS];
-    if n.arrived {
-        return points;
+/// Robots that are predicted side by side: each turns to its published heading, holds it, then goes to its target and
+/// stays there.
+struct Row {
+    count: usize,
+    index: [usize; WIDTH],
+    x_m: Wide,
+    y_m: Wide,
+    hx: Wide,
+    hy: Wide,
+    published_x: Wide,
+    published_y: Wide,
+    target_x_m: Wide,
+    target_y_m: Wide,
+    speed_mps: Wide,
+}
+
+impl Row {
+    fn empty() -> Self {
+        let none = [0.0; WIDTH];
+        Self {
+            count: 0,
+            index: [0; WIDTH],
+            x_m: none,
+            y_m: none,
+            hx: none,
+            hy: none,
+            published_x: none,
+            published_y: none,
+            target_x_m: none,
+            target_y_m: none,
+            speed_mps: none,
+        }
     }
-    let turn = Turn::new(limits, params);
-    let dt = params.step_s;
-    let published = unit(n.intent.heading_rad);
-    let speed = n.intent.speed_mps.max(params.other_speed_min_mps);
-    let (mut p, mut h, mut time) = (n.position_m, unit(n.heading_rad), 0.0);
-    for point in &mut points {
-        let to = n.intent.target_m - p;
-        let left = to.norm();
-        let aim = if time < params.hold_s || left < 1e-6 { published } else { to / left };
-        h = turn.toward(h, aim);
-        p += h * (speed * align(h.dot(&aim), params) * dt).min(left);
-        *point = p;
-        time += dt;
+
+    fn push(&mut self, n: &Neighbour, params: &Params) {
+        let lane = self.count;
+        self.index[lane] = n.index;
+        (self.x_m[lane], self.y_m[lane]) = (n.position_m.x, n.position_m.y);
+        let (heading, published) = (unit(n.heading_rad), unit(n.intent.heading_rad));
+        (self.hx[lane], self.hy[lane]) = (heading.x, heading.y);
+        (self.published_x[lane], self.published_y[lane]) = (published.x, published.y);
+        (self.target_x_m[lane], self.target_y_m[lane]) = (n.intent.target_m.x, n.intent.target_m.y);
+        // One that has arrived stays.
+        self.speed_mps[lane] =
+            if n.arrived { 0.0 } else { n.intent.speed_mps.max(params.other_speed_min_mps) };
+        self.count += 1;
     }
-    points
+
+    /// Takes the robots of the row through the horizon, and empties it.
+    fn drive(&mut self, turn: Turn, params: &Params, paths: &mut [Path]) {
+        if self.count == 0 {
+            return;
+        }
+        let (x_m, y_m) = self.steps(turn, params);
+        for lane in 0..self.count {
+            let path = &mut paths[self.index[lane]];
+            for k in 0..STEPS {
+                (path.x_m[k], path.y_m[k]) = (x_m[k][lane], y_m[k][lane]);
+            }
+        }
+        self.count = 0;
+    }
+
+    fn steps(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if std::arch::is_x86_feature_detected!("avx512f")
+                && std::arch::is_x86_feature_detected!("avx512vl")
+            {
+                // SAFETY: the processor has what the function was compiled for.
+                return unsafe { self.steps_avx512(turn, params) };
+            }
+            if std::arch::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has what the function was compiled for.
+                return unsafe { self.steps_avx2(turn, params) };
+            }
+        }
+        self.steps_of_all(turn, params)
+    }
+
+    /// [`steps_of_all`](Self::steps_of_all) for wider registers: the same operations, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl")]
+    fn steps_avx512(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
+        self.steps_of_all(turn, params)
+    }
+
+    /// [`steps_of_all`](Self::steps_of_all) for wide registers: the same operations, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn steps_avx2(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
+        self.steps_of_all(turn, params)
+    }
+
+    /// The positions at the ends of the steps, m.
+    #[inline(always)]
+    fn steps_of_all(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
+        let dt = params.step_s;
+        let (mut x, mut y, mut hx, mut hy) = (self.x_m, self.y_m, self.hx, self.hy);
+        let (mut xs, mut ys) = ([[0.0; WIDTH]; STEPS], [[0.0; WIDTH]; STEPS]);
+        let mut time = 0.0;
+        for k in 0..STEPS {
+            let hold = time < params.hold_s;
+            for lane in 0..WIDTH {
+                let (to_x, to_y) = (self.target_x_m[lane] - x[lane], self.target_y_m[lane] - y[lane]);
+                let left = (to_x * to_x + to_y * to_y).sqrt();
+                let steered = hold | (left < 1e-6);
+                let aim_x = if steered { self.published_x[lane] } else { to_x / left };
+                let aim_y = if steered { self.published_y[lane] } else { to_y / left };
+                let (hx0, hy0) = (hx[lane], hy[lane]);
+                let near = hx0 * aim_x + hy0 * aim_y >= turn.cos;
+                let sin = if hx0 * aim_y - hy0 * aim_x >= 0.0 { turn.sin } else { -turn.sin };
+                let hx1 = if near { aim_x } else { hx0 * turn.cos - hy0 * sin };
+                let hy1 = if near { aim_y } else { hx0 * sin + hy0 * turn.cos };
+                (hx[lane], hy[lane]) = (hx1, hy1);
+                let share = (hx1 * aim_x + hy1 * aim_y - params.align_cos) / (1.0 - params.align_cos);
+                let share = least(most(share, 0.0), 1.0);
+                let travel = least(self.speed_mps[lane] * share * dt, left);
+                x[lane] += hx1 * travel;
+                y[lane] += hy1 * travel;
+            }
+            (xs[k], ys[k]) = (x, y);
+            time += dt;
+        }
+        (xs, ys)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guidance::types::Intent;
+    use proptest::prelude::*;
+
+    /// One robot by itself, as the rule says it.
+    fn predict(n: &Neighbour, turn: Turn, params: &Params) -> Path {
+        let mut path = Path { x_m: [n.position_m.x; STEPS], y_m: [n.position_m.y; STEPS] };
+        if n.arrived {
+            return path;
+        }
+        let dt = params.step_s;
+        let published = unit(n.intent.heading_rad);
+        let speed = n.intent.speed_mps.max(params.other_speed_min_mps);
+        let (mut p, mut h, mut time) = (n.position_m, unit(n.heading_rad), 0.0);
+        for k in 0..STEPS {
+            let to = n.intent.target_m - p;
+            let left = to.norm();
+            let aim = if time < params.hold_s || left < 1e-6 { published } else { to / left };
+            h = turn.toward(h, aim);
+            p += h * (speed * align(h.dot(&aim), params) * dt).min(left);
+            (path.x_m[k], path.y_m[k]) = (p.x, p.y);
+            time += dt;
+        }
+        path
+    }
+
+    proptest! {
+        /// Who is beside whom, and how wide the registers are, changes nothing.
+        #[test]
+        fn side_by_side_they_go_as_each_by_itself(
+            robots in prop::collection::vec(
+                ((-3.0..3.0f64, -3.0..3.0f64, -3.1..3.1f64), (-3.1..3.1f64, 0.0..5.0f64, -6.0..6.0f64), 0..8u32),
+                1..=16,
+            ),
+        ) {
+            let (limits, params) =
+                (Limits { v_max_mps: 5.0, omega_max_radps: 1.0, period_s: 0.08 }, Params::default());
+            let turn = Turn::new(&limits, &params);
+            let neighbours: Vec<Neighbour> = robots.iter().enumerate().map(|(index, robot)| {
+                let ((x, y, theta), (heading_rad, speed_mps, away), kind) = *robot;
+                let position_m = Vec2::new(x, y);
+                let target_m = if kind == 1 { position_m } else { Vec2::new(away, y + 0.5 * away) };
+                let intent = Intent { heading_rad, speed_mps, target_m, ..Intent::default() };
+                Neighbour { index, position_m, heading_rad: theta, arrived: kind == 0, intent, ..Neighbour::default() }
+            }).collect();
+            let mut predictions = Predictions::for_robots(neighbours.len());
+            predictions.begin();
+            // Some of them first: what is known stays.
+            predictions.learn(&neighbours[neighbours.len() / 2..], turn, &params);
+            predictions.learn(&neighbours, turn, &params);
+            for n in &neighbours {
+                prop_assert_eq!(format!("{:?}", predictions.of(n.index)), format!("{:?}", predict(n, turn, &params)));
+            }
+            let mut row = Row::empty();
+            neighbours.iter().take(WIDTH).for_each(|n| row.push(n, &params));
+            let all = format!("{:?}", row.steps_of_all(turn, &params));
+            prop_assert_eq!(format!("{:?}", row.steps(turn, &params)), all.clone());
+            #[cfg(target_arch = "x86_64")]
+            if std::arch::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has what the function was compiled for.
+                prop_assert_eq!(format!("{:?}", unsafe { row.steps_avx2(turn, &params) }), all);
+            }
+        }
+    }
 }

@@ -41,14 +41,13 @@ impl<'a> Scene<'a> {
     ) -> Self {
         let turn = Turn::new(limits, params);
         let mut scene = Self { ego, target, obstacles, limits, params, turn, others: Others::none() };
+        let seen = |n: &&Neighbour| (n.position_m - ego.position_m).norm().max(1e-6) <= params.range_m;
+        let neighbours = &neighbours[..neighbours.iter().take_while(seen).count()];
+        predictions.learn(neighbours, turn, params);
         for n in neighbours {
-            if n.seen_from(ego.position_m).distance_m > params.range_m {
-                break;
-            }
             let margin_m = if n.arrived { params.parked_margin_m * patience } else { params.prox_margin_m };
             let slow_m = n.required_distance_m + limits.v_max_mps / params.row_rate;
-            let path = predictions.of(n, limits, params);
-            scene.others.push(n.position_m, path, n.required_distance_m, margin_m, slow_m);
+            scene.others.push(n.position_m, predictions.of(n.index), n.required_distance_m, margin_m, slow_m);
         }
         scene
     }
