@@ -7,8 +7,11 @@
 //! within reach. The lists have room for the whole fleet from the start, so nothing is ever truncated
 //! and nothing allocates.
 
+mod rank;
+
 use crate::geometry::{Grid, Vec2};
 use crate::wire::{RobotState, state_flags};
+use rank::{RANKED_MAX, ranks};
 
 /// Another robot of the fleet, seen from one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,8 +32,9 @@ pub struct Surroundings {
     taken: Vec<u32>,
     /// Indices of the robots, in the grid's order.
     sorted: Vec<u32>,
-    /// Where they are.
+    /// Where they are, and who.
     positions_m: Vec<Vec2>,
+    ids: Vec<u32>,
     /// As `sorted`, with the free places spread among them.
     order: Vec<u32>,
 }
@@ -44,6 +48,7 @@ impl Surroundings {
             taken: indices(),
             sorted: indices(),
             positions_m: Vec::with_capacity(robots),
+            ids: indices(),
             order: indices(),
         }
     }
@@ -60,6 +65,8 @@ impl Surroundings {
         self.sorted.extend(self.grid.order().iter().map(|at| self.taken[*at as usize]));
         self.positions_m.clear();
         self.positions_m.extend(self.sorted.iter().map(|i| fleet[*i as usize].position_m()));
+        self.ids.clear();
+        self.ids.extend(self.sorted.iter().map(|i| fleet[*i as usize].id));
         // Spread evenly, so that parts of equal length have equally many robots.
         let mut free = (0u32..).zip(fleet).filter(|(_, robot)| is_free(robot)).map(|(index, _)| index);
         let (mut robots, mut passed) = (self.sorted.iter().copied(), 0);
@@ -96,13 +103,17 @@ pub struct Sight {
 /// The robots near one robot.
 #[derive(Debug, Clone)]
 pub struct Neighbourhood {
+    /// Nearest first.
     list: Vec<Nearby>,
+    /// Those within the distance looked at, as the cells gave them, and one place more.
+    found: Vec<Nearby>,
 }
 
 impl Neighbourhood {
     /// With room for a fleet of `robots`.
     pub fn with_capacity(robots: usize) -> Self {
-        Self { list: Vec::with_capacity(robots) }
+        let nobody = Nearby { distance_m: 0.0, id: 0, index: 0 };
+        Self { list: Vec::with_capacity(robots), found: vec![nobody; robots + 1] }
     }
 
     /// Lists the robots near robot `me`, as far as `sight` says.
@@ -119,14 +130,14 @@ impl Neighbourhood {
     ) -> &[Nearby] {
         let farthest_m = sight.all_m.max(sight.nearest_m);
         let mut look_m = first_m.max(sight.all_m).min(farthest_m);
-        loop {
-            self.within(around, fleet, me, look_m);
-            if self.list.len() >= sight.nearest || look_m >= farthest_m {
-                break;
+        let count = loop {
+            let count = self.within(around, fleet, me, look_m);
+            if count >= sight.nearest || look_m >= farthest_m {
+                break count;
             }
             look_m = (2.0 * look_m).min(farthest_m);
-        }
-        self.list.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
+        };
+        self.sort(count);
         let all = self.list.partition_point(|n| n.distance_m <= sight.all_m);
         self.list.truncate(all.max(sight.nearest));
         &self.list
@@ -148,21 +159,55 @@ impl Neighbourhood {
         &self.list
     }
 
-    /// Lists the robots within `range_m`, in any order.
-    fn within(&mut self, around: &Surroundings, fleet: &[RobotState], me: usize, range_m: f64) {
+    /// Finds the robots within `range_m`, in any order and with squared distances; how many.
+    fn within(&mut self, around: &Surroundings, fleet: &[RobotState], me: usize, range_m: f64) -> usize {
         let here = fleet[me].position_m();
-        let list = &mut self.list;
-        list.clear();
+        let found = &mut self.found;
+        let mut count = 0;
         around.grid.near(here, range_m, |range| {
-            for (position_m, index) in around.positions_m[range.clone()].iter().zip(&around.sorted[range]) {
+            let who = around.sorted[range.clone()].iter().zip(&around.ids[range.clone()]);
+            for (position_m, (index, id)) in around.positions_m[range].iter().zip(who) {
                 let squared = (position_m - here).norm_squared();
                 let index = *index as usize;
-                if squared <= range_m * range_m && index != me {
-                    list.push(Nearby { distance_m: squared.sqrt(), id: fleet[index].id, index });
-                }
+                // Written in any case and kept if it is near: nothing to guess for the processor.
+                found[count] = Nearby { distance_m: squared, id: *id, index };
+                count += usize::from((squared <= range_m * range_m) & (index != me));
             }
         });
+        count
     }
+
+    /// Lists the first `count` of those found, nearest first.
+    fn sort(&mut self, count: usize) {
+        self.list.clear();
+        let found = &mut self.found[..count];
+        for n in found.iter_mut() {
+            n.distance_m = n.distance_m.sqrt();
+        }
+        if count <= RANKED_MAX
+            && let Some(sorted) = in_order(found)
+        {
+            self.list.extend_from_slice(&sorted[..count]);
+            return;
+        }
+        found.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
+        self.list.extend_from_slice(found);
+    }
+}
+
+/// At most `RANKED_MAX` robots, nearest first; `None` when two of them have one id and one distance.
+fn in_order(found: &[Nearby]) -> Option<[Nearby; RANKED_MAX]> {
+    let (mut distances_m, mut ids) = ([0.0; RANKED_MAX], [0.0; RANKED_MAX]);
+    for (n, (distance_m, id)) in found.iter().zip(distances_m.iter_mut().zip(&mut ids)) {
+        (*distance_m, *id) = (n.distance_m, f64::from(n.id));
+    }
+    let mut sorted = [Nearby { distance_m: 0.0, id: 0, index: 0 }; RANKED_MAX];
+    let mut taken = 0u64;
+    for (n, rank) in found.iter().zip(ranks(&distances_m, &ids, found.len())) {
+        sorted[rank as usize % RANKED_MAX] = *n;
+        taken |= 1 << rank;
+    }
+    (taken.count_ones() as usize == found.len()).then_some(sorted)
 }
 
 #[cfg(test)]
