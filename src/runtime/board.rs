@@ -1,4 +1,4 @@
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 use super::event_count::EventCount;
 use super::regions::Regions;
@@ -39,8 +39,10 @@ pub(super) struct Board {
     pub(super) corrupt_states: AtomicU64,
     /// Times that a worker panicked.
     pub(super) worker_panics: AtomicU64,
-    /// Workers that panicked too often and stay down.
-    pub(super) workers_lost: AtomicU64,
+    /// Times that a worker began to rest because it panicked too often.
+    pub(super) worker_rests: AtomicU64,
+    /// Which workers rest now.
+    resting: Vec<AtomicBool>,
     /// Times that the thread which answers operators panicked.
     pub(super) admin_panics: AtomicU64,
 }
@@ -71,7 +73,8 @@ impl Board {
             corrupt: AtomicU64::new(0),
             corrupt_states: AtomicU64::new(0),
             worker_panics: AtomicU64::new(0),
-            workers_lost: AtomicU64::new(0),
+            worker_rests: AtomicU64::new(0),
+            resting: (0..workers).map(|_| AtomicBool::new(false)).collect(),
             admin_panics: AtomicU64::new(0),
         }
     }
@@ -128,6 +131,24 @@ impl Board {
             next if known == Some(next - 1) => Released::Nothing,
             next => Released::Tick(next - 1),
         }
+    }
+
+    /// A worker begins to rest, or ends it.
+    pub(super) fn rest(&self, worker: usize, rests: bool) {
+        self.worker_rests.fetch_add(u64::from(rests), Ordering::Relaxed);
+        if let Some(resting) = self.resting.get(worker) {
+            resting.store(rests, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether a worker rests.
+    pub(super) fn rests(&self, worker: usize) -> bool {
+        self.resting.get(worker).is_some_and(|resting| resting.load(Ordering::Relaxed))
+    }
+
+    /// How many workers rest.
+    pub(super) fn resting(&self) -> usize {
+        self.resting.iter().filter(|resting| resting.load(Ordering::Relaxed)).count()
     }
 
     /// Asks the loop to publish a last stop command and to end. The first reason stays.

@@ -13,6 +13,7 @@ pub(crate) struct Counts {
     pub(crate) send_failures: u64,
     pub(crate) lost_records: u64,
     pub(crate) worker_panics: u64,
+    /// Times that a worker was lost for a while, because it panicked too often.
     pub(crate) workers_lost: u64,
     pub(crate) workers_silent: u64,
 }

@@ -17,7 +17,8 @@ use super::housekeeping::Housekeeper;
 use super::keeping::{Keeper, Opened};
 use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
-use super::threads::{Begin, Common, MakeSource, loop_thread, record_capacity, worker_thread};
+use super::supervisor::Supervisor;
+use super::threads::{Begin, Common, MakeSource, Outside, loop_thread, record_capacity, worker_thread};
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock, SlowedClock};
@@ -87,7 +88,21 @@ impl Daemon {
     /// # Errors
     /// Those of [`Daemon::start_with`].
     pub fn start(config: Config, until: Until) -> Result<Self, DaemonError> {
-        Self::start_controlled(config, until, None, SlowedClock::default())
+        Self::start_controlled(config, until, Outside::default())
+    }
+
+    /// [`start`](Self::start) for a supervisor that wants to hear how it goes: that the first commands
+    /// are out, that the loop and all workers make their periods, that the run ends.
+    ///
+    /// # Errors
+    /// Those of [`Daemon::start_with`].
+    pub fn start_supervised(
+        config: Config,
+        until: Until,
+        supervisor: Option<Supervisor>,
+    ) -> Result<Self, DaemonError> {
+        let supervisor = supervisor.map(Arc::new);
+        Self::start_controlled(config, until, Outside { supervisor, ..Outside::default() })
     }
 
     /// Starts the fleet of `config` with states from a source that `make` builds, in the loop's thread,
@@ -99,7 +114,7 @@ impl Daemon {
     where
         F: Fn(&Config, u64) -> Box<dyn StateSource> + Send + Sync + 'static,
     {
-        Self::start_controlled(config, until, Some(Arc::new(make)), SlowedClock::default())
+        Self::start_controlled(config, until, Outside { source: Some(Arc::new(make)), ..Outside::default() })
     }
 
     /// [`start_from`](Self::start_from) with time passing `slowdown` times slower, for the loop, the
@@ -117,14 +132,14 @@ impl Daemon {
     where
         F: Fn(&Config, u64) -> Box<dyn StateSource> + Send + Sync + 'static,
     {
-        Self::start_controlled(config, until, Some(Arc::new(make)), SlowedClock::new(slowdown))
+        let (source, clock) = (Some(Arc::new(make) as MakeSource), SlowedClock::new(slowdown));
+        Self::start_controlled(config, until, Outside { source, clock, ..Outside::default() })
     }
 
-    fn start_controlled(
+    pub(super) fn start_controlled(
         config: Config,
         until: Until,
-        source: Option<MakeSource>,
-        clock: SlowedClock,
+        outside: Outside,
     ) -> Result<Self, DaemonError> {
         let (config, journal) = Opened::open(config, until)?;
         let for_workers = config.clone();
@@ -135,7 +150,7 @@ impl Daemon {
         let shelf = Arc::new(RouteShelf::new(config.places()));
         let routes = Arc::clone(&shelf);
         let robots = Arc::new(Robots::new(&config));
-        Self::start_audited((config, journal), until, (source, clock), auditor, shelf, move |_| {
+        Self::start_audited((config, journal), until, outside, auditor, shelf, move |_| {
             let group = RobotGroup::among(&for_workers, Arc::clone(&robots))?;
             let group = group.with_routes(Arc::clone(&routes));
             Ok::<_, ControllerError>(match &recorder {
@@ -159,13 +174,13 @@ impl Daemon {
     {
         let (config, journal) = Opened::open(config, until)?;
         let shelf = Arc::new(RouteShelf::new(config.places()));
-        Self::start_audited((config, journal), until, (None, SlowedClock::default()), None, shelf, make)
+        Self::start_audited((config, journal), until, Outside::default(), None, shelf, make)
     }
 
-    fn start_audited<D, E, F>(
+    pub(super) fn start_audited<D, E, F>(
         (mut config, journal): (Config, Option<Opened>),
         until: Until,
-        (source, clock): (Option<MakeSource>, SlowedClock),
+        outside: Outside,
         auditor: Option<Auditor<ClarabelSolver>>,
         shelf: Arc<RouteShelf>,
         make: F,
@@ -196,8 +211,9 @@ impl Daemon {
             desk: Arc::new(Desk::new(admin::desk_size(&config)).with_shelf(shelf)),
             epoch: epoch(journal.as_ref()),
             begin: begin(journal.as_ref()),
-            clock,
-            source,
+            clock: outside.clock,
+            source: outside.source,
+            supervisor: outside.supervisor,
         };
         let mut daemon = Self {
             config,

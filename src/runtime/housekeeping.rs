@@ -9,6 +9,7 @@ use super::driven::Driven;
 use super::error::DaemonError;
 use super::findings::Findings;
 use super::forecast::Forecast;
+use super::heartbeat::Heartbeat;
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::threads::{Common, HELD_BESIDE, poll_interval, record_capacity};
@@ -57,6 +58,7 @@ pub(super) struct Housekeeper {
     poll: Duration,
     started: Instant,
     first_tick: u64,
+    heartbeat: Heartbeat,
     auditor: Option<Auditor<ClarabelSolver>>,
 }
 
@@ -98,6 +100,10 @@ impl Housekeeper {
             poll: poll_interval(config),
             started: Instant::now(),
             first_tick: config.timing.first_tick,
+            heartbeat: Heartbeat::new(
+                common.supervisor.clone(),
+                Duration::from_nanos(config.timing.period_ns),
+            ),
             auditor,
         })
     }
@@ -109,6 +115,7 @@ impl Housekeeper {
             // Looked at first: what was left before the end is then read in the round.
             let over = self.board.released(None) == Released::Over;
             self.round();
+            self.beat(over);
             if over && let Some(auditor) = &mut self.auditor {
                 auditor.audit(usize::MAX);
             }
@@ -158,6 +165,7 @@ impl Housekeeper {
             fleet,
             truth,
             first_tick,
+            heartbeat,
             ..
         } = self;
         // Figures count time from the start of the run.
@@ -172,6 +180,7 @@ impl Housekeeper {
                     answers
                         .watchdog
                         .period_over(period.header.tick, |change| tell(period.header.tick, change));
+                    heartbeat.period_over(period.published);
                     let header = TelemetryHeader {
                         audited: audit.audited,
                         audit_disagreed: audit.disagreed,
@@ -191,6 +200,28 @@ impl Housekeeper {
                 .is_some();
         }
         answers.drain(solves, accumulator, statistics);
+    }
+
+    /// Tells the supervisor that everything goes its way, if it does.
+    fn beat(&mut self, over: bool) {
+        if over || self.board.stop_requested().is_some() {
+            return self.heartbeat.stopping();
+        }
+        // One that rests is known of, and a restart would not make it work sooner.
+        let answered = self.answers.watchdog.all_answered(|worker| self.board.rests(worker));
+        let progress = &self.progress;
+        self.heartbeat.beat(answered, || {
+            let progress = progress.lock().unwrap_or_else(PoisonError::into_inner);
+            let held = match (progress.stopped, progress.paused) {
+                (true, _) => "STOPPED, ",
+                (false, true) => "PAUSED, ",
+                (false, false) => "",
+            };
+            format!(
+                "{held}{} of {} robots arrived, tick {}",
+                progress.arrived, progress.robots, progress.tick
+            )
+        });
     }
 
     /// Asks for other regions when the workers' are uneven. The commands never depend on it.

@@ -33,6 +33,7 @@ mod error;
 mod event_count;
 mod findings;
 mod forecast;
+mod heartbeat;
 mod housekeeping;
 mod keeping;
 mod progress;
@@ -41,6 +42,7 @@ mod room;
 mod staging;
 mod starting;
 mod statistics;
+mod supervisor;
 mod threads;
 mod truth;
 #[allow(dead_code, reason = "for the simulator")]
@@ -59,6 +61,7 @@ pub use event_count::{EventCount, SPIN_LEAD_NS, Waiting};
 pub use keeping::JournalError;
 pub use progress::Progress;
 pub use staging::Staging;
+pub use supervisor::{Supervisor, SupervisorError};
 #[allow(unused_imports, reason = "for the simulator")]
 pub(crate) use unthreaded::{Crew, LoopHand, Outline, build};
 

@@ -52,7 +52,7 @@ struct Logged {
     failures: u64,
     panics: u64,
     corrupt: u64,
-    workers_lost: u64,
+    worker_rests: u64,
 }
 
 impl Statistics {
@@ -164,7 +164,7 @@ impl Statistics {
             failures: self.send_failures,
             panics: board.worker_panics.load(Ordering::Relaxed),
             corrupt: board.corrupt_states.load(Ordering::Relaxed),
-            workers_lost: board.workers_lost.load(Ordering::Relaxed),
+            worker_rests: board.worker_rests.load(Ordering::Relaxed),
         };
         let before = std::mem::replace(&mut self.logged, now);
         let tick = self.last.tick;
@@ -186,7 +186,11 @@ impl Statistics {
             "states that changed in memory before a worker read them; its robots stopped",
         );
         line(now.panics, before.panics, "worker panics; its robots stopped");
-        line(now.workers_lost, before.workers_lost, "workers given up after repeated panics");
+        line(
+            now.worker_rests,
+            before.worker_rests,
+            "workers that rest after repeated panics; their robots stand",
+        );
     }
 }
 

@@ -9,15 +9,20 @@ use super::board::{Board, Released};
 use super::control_loop::{ControlLoop, LoopMemory};
 use super::decider::Decider;
 use super::desk::Desk;
-use super::threads::{Begin, Common};
+use super::supervisor::Supervisor;
+use super::threads::{Begin, Common, MakeSource, Outside};
 use super::worker::Worker;
+use super::{Daemon, Until};
+use crate::admission::Rejections;
 use crate::channel::{Attachment, CommandReader, StateReader, Transport};
 use crate::clock::{Clock, SlowedClock};
 use crate::config::{Config, PublishAt, Wakeup};
-use crate::controller::{Decision, RobotGroup, Robots, Timing};
+use crate::controller::{Decision, RobotGroup, Robots, RouteShelf, Timing};
+use crate::model::RobotSpec;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::schedule::{Schedule, TICK_MAX};
+use crate::source::{Instant, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
 use crate::wire::{
     CommandHeader, RobotCheckpoint, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason,
@@ -123,6 +128,7 @@ impl Rig {
         let schedule = Schedule::new(START, T, T / 10);
         let common = Common {
             source: None,
+            supervisor: None,
             config: Arc::new(config.clone()),
             transport: transport.clone(),
             board: Arc::clone(&board),
@@ -527,30 +533,31 @@ fn panics_once(publish: PublishAt) {
     assert_eq!(intents(0), [none, drives, drives, drives, stands, drives, drives, drives]);
     assert_eq!(intents(1), [none, drives, drives, drives, drives, drives, drives, drives]);
     assert_eq!(board.worker_panics.load(Ordering::Relaxed), 1);
-    assert_eq!(board.workers_lost.load(Ordering::Relaxed), 0);
+    assert_eq!(board.worker_rests.load(Ordering::Relaxed), 0);
 }
 
 #[test]
-fn a_worker_that_panics_for_ever_is_given_up() {
+fn a_worker_that_panics_again_and_again_rests_before_it_tries_once_more() {
     let world = World::new("crashes");
-    let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 10);
-    rig.ready = Box::new(|board, tick| {
-        let panics = board.worker_panics.load(Ordering::Relaxed);
-        let other = board.staging.take(1, tick).is_some();
-        other && (panics > tick || panics == 4)
-    });
-    let fault: Fault = Arc::new(|_, owned| {
-        if owned.start == 0 {
+    let mut rig = Rig::new(&world, lanes(2, 50.0), 2, 64);
+    rig.ready = Box::new(Board::complete);
+    // It fails in its first five periods, in each with another decider.
+    let faults = AtomicU64::new(0);
+    let fault: Fault = Arc::new(move |_, owned| {
+        if owned.start == 0 && faults.fetch_add(1, Ordering::Relaxed) < 5 {
             std::panic::resume_unwind(Box::new("a fault, injected"));
         }
     });
     let make = straight(T);
     let (seen, board) =
         rig.run(move |owned| Faulty { inner: make(owned).unwrap(), periods: 0, fault: Arc::clone(&fault) });
-    assert_eq!(reasons_of(&seen, 0)[1..11], [StopReason::Deadline as u32; 10]);
-    assert_eq!(reasons_of(&seen, 1)[1..11], [0; 10]);
-    assert_eq!(board.worker_panics.load(Ordering::Relaxed), 4);
-    assert_eq!(board.workers_lost.load(Ordering::Relaxed), 1);
+    // Four periods and a rest of 16, one more and a rest of 32; then it works.
+    let reasons = reasons_of(&seen, 0);
+    assert_eq!(reasons[1..54], [StopReason::Deadline as u32; 53]);
+    assert_eq!(reasons[54..65], [0; 11]);
+    assert_eq!(reasons_of(&seen, 1)[1..65], [0; 64]);
+    assert_eq!(board.worker_panics.load(Ordering::Relaxed), 5);
+    assert_eq!((board.worker_rests.load(Ordering::Relaxed), board.resting()), (2, 0));
 }
 
 #[test]
@@ -617,4 +624,125 @@ fn a_command_beyond_the_limits_never_goes_out() {
         assert!(commands.iter().all(|c| c.stop_reason == StopReason::Unverified as u32));
         assert!(commands.iter().all(|c| (c.v_mps, c.omega_radps) == (0.0, 0.0)));
     }
+}
+
+/// A supervisor of the test's own, and what it has heard since it was asked last.
+struct Listener {
+    socket: std::os::unix::net::UnixDatagram,
+    address: String,
+}
+
+impl Listener {
+    fn new(name: &str) -> Self {
+        use std::os::linux::net::SocketAddrExt;
+        let name = format!("clearway_{name}_{}", std::process::id());
+        let address = std::os::unix::net::SocketAddr::from_abstract_name(&name).unwrap();
+        let socket = std::os::unix::net::UnixDatagram::bind_addr(&address).unwrap();
+        socket.set_nonblocking(true).unwrap();
+        Self { socket, address: format!("@{name}") }
+    }
+
+    fn heard(&self) -> Vec<String> {
+        let mut bytes = [0; 512];
+        std::iter::from_fn(|| {
+            let length = self.socket.recv(&mut bytes).ok()?;
+            Some(String::from_utf8_lossy(&bytes[..length]).trim_end().to_owned())
+        })
+        .collect()
+    }
+
+    /// Waits until it hears this.
+    fn hear(&self, text: &str) {
+        support::process::until(|| self.heard().iter().any(|heard| heard == text).then_some(()));
+    }
+
+    fn outside(&self) -> Outside {
+        let watchdog = Some(std::time::Duration::from_millis(20));
+        let supervisor = Supervisor::at(self.address.as_bytes(), watchdog).unwrap();
+        Outside { supervisor: Some(Arc::new(supervisor)), ..Outside::default() }
+    }
+}
+
+const BEAT: &str = "WATCHDOG=1";
+
+#[test]
+fn there_is_no_heartbeat_while_a_worker_hangs() {
+    let (world, listener) = (World::new("beat"), Listener::new("beat"));
+    let hangs = Arc::new(AtomicBool::new(false));
+    let hung = Arc::clone(&hangs);
+    let fault: Fault = Arc::new(move |_, owned| {
+        while owned.start == 0 && hung.load(Ordering::Relaxed) {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    });
+    let period_ns = 10_000_000;
+    let mut config = config(&world, lanes(2, 5000.0), period_ns);
+    config.timing.workers = Some(2);
+    let (make, shelf) = (straight(period_ns), Arc::new(RouteShelf::new(2)));
+    let start = (config, None);
+    let faulty =
+        move |owned| Ok::<_, String>(Faulty { inner: make(owned)?, periods: 0, fault: Arc::clone(&fault) });
+    let daemon =
+        Daemon::start_audited(start, Until::Stopped, listener.outside(), None, shelf, faulty).unwrap();
+    listener.hear("READY=1");
+    listener.hear(BEAT);
+
+    hangs.store(true, Ordering::Relaxed);
+    support::process::until(|| (daemon.progress().workers_silent == 1).then_some(()));
+    listener.heard();
+    // The loop goes on, and what is due in the meantime is not said.
+    let tick = daemon.progress().tick;
+    support::process::until(|| (daemon.progress().tick > tick + 30).then_some(()));
+    assert!(!listener.heard().iter().any(|heard| heard == BEAT));
+
+    hangs.store(false, Ordering::Relaxed);
+    listener.hear(BEAT);
+    daemon.stop();
+    daemon.join().unwrap();
+    assert!(listener.heard().iter().any(|heard| heard == "STOPPING=1"));
+}
+
+#[test]
+fn there_is_no_heartbeat_while_the_loop_hangs() {
+    struct Hanging(Plant, Arc<AtomicBool>);
+    impl StateSource for Hanging {
+        fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
+            while self.1.load(Ordering::Relaxed) {
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            self.0.observe(instant, states);
+        }
+        fn knows_all(&self) -> bool {
+            true
+        }
+        fn admit(&mut self, _: usize, _: &RobotSpec) {}
+        fn dismiss(&mut self, _: usize) {}
+        fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64) {
+            self.0.commit(header, commands, now_ns);
+        }
+        fn rejections(&self) -> Rejections {
+            Rejections::default()
+        }
+    }
+    let (world, listener) = (World::new("loop_beat"), Listener::new("loop_beat"));
+    let period_ns = 10_000_000;
+    let config = config(&world, lanes(2, 5000.0), period_ns);
+    let hangs = Arc::new(AtomicBool::new(false));
+    let hung = Arc::clone(&hangs);
+    let source: MakeSource = Arc::new(move |config: &Config, start_ns| {
+        Box::new(Hanging(Plant::new(&config.scenario, period_ns, start_ns), Arc::clone(&hung)))
+    });
+    let outside = Outside { source: Some(source), ..listener.outside() };
+    let daemon = Daemon::start_controlled(config, Until::Stopped, outside).unwrap();
+    listener.hear("READY=1");
+    listener.hear(BEAT);
+    hangs.store(true, Ordering::Relaxed);
+    // Long enough for what was under way, and then for many beats.
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    listener.heard();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert_eq!(listener.heard().iter().filter(|heard| *heard == BEAT).count(), 0);
+    hangs.store(false, Ordering::Relaxed);
+    listener.hear(BEAT);
+    drop(daemon);
 }

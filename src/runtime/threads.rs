@@ -8,6 +8,7 @@ use super::control_loop::{ControlLoop, LoopMemory};
 use super::decider::Decider;
 use super::desk::Desk;
 use super::error::DaemonError;
+use super::supervisor::Supervisor;
 use super::worker::Worker;
 use crate::channel::Transport;
 use crate::clock::{Clock, SlowedClock};
@@ -40,6 +41,8 @@ pub(super) struct Common {
     pub(super) clock: SlowedClock,
     /// Makes another source than the configured one.
     pub(super) source: Option<MakeSource>,
+    /// Who wants to hear how it goes.
+    pub(super) supervisor: Option<Arc<Supervisor>>,
 }
 
 /// What of the run before is still so when a run begins.
@@ -49,6 +52,14 @@ pub(super) struct Begin {
     pub(super) hold: u32,
     /// Robots may stand anywhere until they are seen.
     pub(super) anywhere: bool,
+}
+
+/// What a daemon is given from outside instead of what it would make itself.
+#[derive(Clone, Default)]
+pub(super) struct Outside {
+    pub(super) source: Option<MakeSource>,
+    pub(super) clock: SlowedClock,
+    pub(super) supervisor: Option<Arc<Supervisor>>,
 }
 
 /// Makes the source of a daemon's states, given the time of the first period, ns.

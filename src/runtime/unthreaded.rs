@@ -99,6 +99,7 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
         begin: Begin::default(),
         clock: SlowedClock::default(),
         source: None,
+        supervisor: None,
     };
     let node = common.transport.attach("clearwayd")?;
     let (states, commands) = (node.writer(places)?, node.writer(places)?);
@@ -243,7 +244,7 @@ impl<C: Clock, D: Decider> Crew<C, D> {
             send_failures: statistics.send_failures,
             lost_records: statistics.lost_records,
             worker_panics: self.board.worker_panics.load(Ordering::Relaxed),
-            workers_lost: self.board.workers_lost.load(Ordering::Relaxed),
+            workers_lost: self.board.worker_rests.load(Ordering::Relaxed),
             workers_silent: self.progress().workers_silent as u64,
         }
     }

@@ -51,6 +51,11 @@ impl Watchdog {
         }
     }
 
+    /// Whether every worker answered the period that was over last, `but` those that it says.
+    pub(super) fn all_answered(&self, but: impl Fn(usize) -> bool) -> bool {
+        self.workers.iter().enumerate().all(|(index, worker)| worker.missed == 0 || but(index))
+    }
+
     /// Workers that are silent now.
     pub(super) fn silent(&self) -> usize {
         self.workers.iter().filter(|worker| worker.missed >= SILENT_AFTER).count()
@@ -72,6 +77,8 @@ mod tests {
             }
             dog.period_over(tick, |change| heard.push((tick, change)));
             assert_eq!(dog.silent(), usize::from((4..6).contains(&tick)));
+            assert_eq!(dog.all_answered(|_| false), !(3..6).contains(&tick));
+            assert!(dog.all_answered(|worker| worker == 1));
         }
         assert_eq!(heard, [(4, Change::FellSilent(1)), (6, Change::Returned(1))]);
     }

@@ -13,8 +13,11 @@ use crate::controller::Decision;
 use crate::telemetry::{Pool, SolveRecord};
 use crate::wire::{RobotCheckpoint, RobotState, RobotTelemetry};
 
-/// Panics after which a worker stays down: what fails so often is not an accident.
+/// Panics after which a worker goes on at once. What fails more often is not an accident: it rests.
 const RESTARTS_MAX: u64 = 3;
+/// The first rest, in periods; each one that follows is twice as long, up to the longest.
+const REST_PERIODS: u64 = 16;
+const REST_PERIODS_MAX: u64 = 1024;
 /// Periods in a row without a panic after which earlier ones are forgiven.
 const FORGIVEN_AFTER: u64 = 1000;
 
@@ -34,18 +37,26 @@ impl Lapses {
         }
     }
 
-    /// A panic; whether the worker may go on.
-    fn panic(&mut self) -> bool {
-        *self = Self { panics: self.panics + 1, clean: 0 };
-        self.panics <= RESTARTS_MAX
+    /// A panic; for how many periods the worker rests.
+    ///
+    /// Nobody takes its robots over meanwhile: what made it panic may lie in what one of them does, and
+    /// would then bring down one worker after the other.
+    fn panic(&mut self) -> u64 {
+        *self = Self { panics: self.panics.saturating_add(1), clean: 0 };
+        match self.panics.checked_sub(RESTARTS_MAX + 1) {
+            None => 0,
+            Some(again) => REST_PERIODS << again.min(u64::from((REST_PERIODS_MAX / REST_PERIODS).ilog2())),
+        }
     }
 }
 
 /// What a worker keeps from period to period.
 #[derive(Debug)]
 pub(super) struct Shift<D> {
-    /// None once it is given up.
+    /// None when it could not be made anew.
     decider: Option<D>,
+    /// It rests until this tick.
+    rests_until: Option<u64>,
     /// The tick that was worked through last.
     known: Option<u64>,
     lapses: Lapses,
@@ -53,7 +64,7 @@ pub(super) struct Shift<D> {
 
 impl<D> Shift<D> {
     pub(super) fn new(first: D) -> Self {
-        Self { decider: Some(first), known: None, lapses: Lapses::default() }
+        Self { decider: Some(first), rests_until: None, known: None, lapses: Lapses::default() }
     }
 }
 
@@ -101,6 +112,13 @@ impl<C: Clock> Worker<C> {
         let found = self.board.released(shift.known);
         let Released::Tick(tick) = found else { return found };
         shift.known = Some(tick);
+        if shift.rests_until.is_some_and(|until| tick < until) {
+            self.board.done(tick);
+            return found;
+        }
+        if shift.rests_until.take().is_some() {
+            self.board.rest(self.index, false);
+        }
         // The decider is thrown away after a panic, so nobody sees it half changed.
         let worked = shift
             .decider
@@ -112,14 +130,26 @@ impl<C: Clock> Worker<C> {
             shift.lapses.clean();
         } else if worked == Some(false) {
             self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
-            // Made in any case: it brings back what the panic took from others as well.
-            let again = make();
-            shift.decider = if shift.lapses.panic() { again } else { None };
+            // Made at once: it brings back what the panic took from others as well.
+            shift.decider = make();
+            self.rest(shift, tick);
+        } else {
+            // It could not be made the last time.
+            shift.decider = make();
             if shift.decider.is_none() {
-                self.board.workers_lost.fetch_add(1, Ordering::Relaxed);
+                self.rest(shift, tick);
             }
         }
         found
+    }
+
+    /// After a failure in `tick`: rests, if it fails often.
+    fn rest<D>(&self, shift: &mut Shift<D>, tick: u64) {
+        let periods = shift.lapses.panic();
+        if periods > 0 {
+            shift.rests_until = Some(tick.saturating_add(1 + periods));
+            self.board.rest(self.index, true);
+        }
     }
 
     /// One period: from the state in shared memory to the staged commands.
@@ -199,14 +229,18 @@ mod tests {
     fn rare_panics_are_forgiven_and_frequent_ones_are_not() {
         let mut rare = Lapses::default();
         for _ in 0..20 {
-            assert!(rare.panic());
+            assert_eq!(rare.panic(), 0);
             (0..FORGIVEN_AFTER).for_each(|_| rare.clean());
         }
         let mut frequent = Lapses::default();
         for _ in 0..RESTARTS_MAX {
-            assert!(frequent.panic());
+            assert_eq!(frequent.panic(), 0);
             (1..FORGIVEN_AFTER).for_each(|_| frequent.clean());
         }
-        assert!(!frequent.panic());
+        // Longer every time, and never for ever.
+        let rests: Vec<u64> = (0..9).map(|_| frequent.panic()).collect();
+        assert_eq!(rests, [16, 32, 64, 128, 256, 512, 1024, 1024, 1024]);
+        (0..FORGIVEN_AFTER).for_each(|_| frequent.clean());
+        assert_eq!(frequent.panic(), 0);
     }
 }

@@ -13,7 +13,7 @@ use clap::Parser;
 use clearway::channel::ChannelError;
 use clearway::config::Config;
 use clearway::report::Report;
-use clearway::runtime::{Daemon, DaemonError, JournalError, Until};
+use clearway::runtime::{Daemon, DaemonError, JournalError, Supervisor, Until};
 use miette::{IntoDiagnostic, WrapErr};
 
 use arguments::Arguments;
@@ -86,7 +86,12 @@ fn run(arguments: &Arguments, config: Config) -> Result<Report, Failure> {
     display.start_logging(arguments);
 
     let until = if arguments.config.is_some() { Until::Stopped } else { Until::Arrived };
-    let daemon = Daemon::start(config, until)?;
+    // The fleet is worth more than a supervisor that cannot be told of it.
+    let supervisor = Supervisor::from_environment().unwrap_or_else(|e| {
+        tracing::warn!("{e}");
+        None
+    });
+    let daemon = Daemon::start_supervised(config, until, supervisor)?;
     display.started(daemon.realtime(), daemon.journal());
     while !daemon.is_finished() {
         if stop.is_set() {

@@ -116,6 +116,7 @@ impl Facts<'_> {
             (realtime.memory_locked, admin_flags::MEMORY_LOCKED),
             (observed, admin_flags::OBSERVED),
             (self.shared.until == Until::Arrived, admin_flags::ENDS_ON_ARRIVAL),
+            (self.shared.board.resting() > 0, admin_flags::WORKER_RESTING),
             (journal.is_some(), admin_flags::JOURNAL),
             (journal.is_some_and(|journal| journal.failing), admin_flags::JOURNAL_FAILING),
             (stopped_by(StoppedBy::Restarts), admin_flags::STOPPED_BY_RESTARTS),

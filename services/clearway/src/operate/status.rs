@@ -2,7 +2,7 @@ use std::fmt::Write;
 
 use clearway::attach::Status;
 use clearway::journal::StoppedBy;
-use clearway::wire::admin_flags;
+use clearway::wire::{AdminAnswer, admin_flags};
 use serde_json::{Value, json};
 
 /// How the daemon is doing, for a person.
@@ -37,7 +37,7 @@ pub(super) fn text(fleet: &str, status: &Status) -> String {
         ("periods", format!("{}, {} skipped, {} missed", f.periods, f.skipped_periods, f.deadline_misses)),
         ("fallbacks", format!("{} stops in place of commands", f.fallback_commands)),
         ("inputs", format!("{} observations refused", f.rejected_inputs)),
-        ("workers", format!("{}, {} silent, {} panics", f.workers, f.workers_silent, f.worker_panics)),
+        ("workers", workers(f)),
         (
             "latency",
             format!(
@@ -73,6 +73,11 @@ pub(super) fn text(fleet: &str, status: &Status) -> String {
         let _ = writeln!(text, "{:10} {line}", "");
     }
     text
+}
+
+fn workers(f: &AdminAnswer) -> String {
+    let resting = if f.has(admin_flags::WORKER_RESTING) { ", one RESTS after repeated panics" } else { "" };
+    format!("{}, {} silent, {} panics{resting}", f.workers, f.workers_silent, f.worker_panics)
 }
 
 /// What is kept over a restart.
@@ -145,7 +150,6 @@ pub(crate) fn value(fleet: &str, status: &Status) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clearway::wire::AdminAnswer;
 
     #[test]
     fn eighty_columns_hold_every_line() {
