@@ -356,4 +356,42 @@ mod tests {
         assert_eq!(g.input(60).v_mps, 1.0);
         assert_eq!(g.offer(&header(1, 99), &go(1.0), 60), Err(Refusal::OldEpoch));
     }
+
+    #[test]
+    fn a_new_epoch_drops_what_the_old_one_left() {
+        let mut g = gate();
+        g.offer(&header(1, 5), &go(2.0), 520).unwrap();
+        g.offer(&header(1, 6), &go(3.0), 520).unwrap();
+        assert_eq!(g.input(530).v_mps, 2.0);
+        // The new run's first command waits for its time; the old run's act no more.
+        let later = CommandHeader { epoch: 2, valid_from_ns: 800, valid_until_ns: 900, ..header(1, 0) };
+        g.offer(&later, &go(1.0), 540).unwrap();
+        for (now, v) in [(540, 0.0), (610, 0.0), (799, 0.0), (800, 1.0), (900, 0.0)] {
+            assert_eq!((g.input(now).v_mps, g.is_commanded(now)), (v, v > 0.0), "at {now}");
+        }
+    }
+
+    #[test]
+    fn the_next_change_is_always_ahead() {
+        let mut g = gate();
+        assert_eq!(g.next_change_ns(0), None);
+        g.offer(&header(1, 5), &go(2.0), 420).unwrap();
+        assert_eq!(
+            [420, 499, 500, 599, 600].map(|now| g.next_change_ns(now)),
+            [Some(500), Some(500), Some(600), Some(600), None]
+        );
+        assert_eq!(g.input(500).v_mps, 2.0);
+        assert_eq!([500, 599, 600].map(|now| g.next_change_ns(now)), [Some(600), Some(600), None]);
+    }
+
+    #[test]
+    fn a_command_holds_for_some_time_and_at_most_as_long_as_it_may() {
+        let mut g = gate();
+        let at = |from, until| CommandHeader { valid_from_ns: from, valid_until_ns: until, ..header(1, 5) };
+        assert_eq!(g.offer(&at(500, 500), &go(2.0), 420), Err(Refusal::Validity));
+        assert_eq!(g.offer(&at(500, 1501), &go(2.0), 420), Err(Refusal::Validity));
+        assert_eq!(g.offer(&at(300, 420), &go(2.0), 420), Err(Refusal::Expired));
+        g.offer(&at(500, 1500), &go(2.0), 420).unwrap();
+        assert_eq!((g.input(1499).v_mps, g.input(1500).v_mps, g.refused()), (2.0, 0.0, 3));
+    }
 }

@@ -108,7 +108,7 @@ impl Rejections {
 
 impl Serialize for Rejections {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(Rejection::ALL.len() + 2))?;
+        let mut map = serializer.serialize_map(None)?;
         for (reason, count) in self.iter() {
             map.serialize_entry(reason.name(), &count)?;
         }

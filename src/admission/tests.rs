@@ -193,6 +193,128 @@ fn more_writers_than_are_remembered() {
     assert_eq!(a.writers.len(), WRITERS);
 }
 
+#[test]
+fn the_edges_of_what_is_accepted_belong_to_it() {
+    // As old as it may be, as far out as it may be, as far ahead as it may be.
+    let arena_m = SourceConfig::default().arena_m;
+    let mut a = admission_of(Some(1e12));
+    a.sample(A, &header(1, T), &[at(9, arena_m)], EPOCH, 3 * T);
+    assert_eq!(a.pose(1, 3 * T), Some((Pose::new(arena_m, 0.0, 0.0), T)));
+    a.sample(A, &header(2, 2 * T), &[at(9, -arena_m)], EPOCH, 3 * T);
+    assert_eq!((a.rejections().total(), a.last_good(1).map(|good| good.1)), (0, Some(2 * T)));
+    a.sample(A, &header(2 + GAP_MAX, 3 * T), &[at(9, 0.0)], EPOCH, 3 * T);
+    assert_eq!((a.rejections().total(), a.rejections().skipped_samples), (0, GAP_MAX - 1));
+    a.sample(A, &header(3 + 2 * GAP_MAX, 3 * T), &[at(9, 0.0)], EPOCH, 3 * T);
+    assert_eq!(a.rejections().get(Rejection::Gap), 1);
+    // Half the numbers are ahead of the last one, the other half behind.
+    a.sample(A, &header(2 + GAP_MAX + u64::MAX / 2, 3 * T), &[], EPOCH, 3 * T);
+    assert_eq!((a.rejections().get(Rejection::Gap), a.rejections().get(Rejection::Reordered)), (2, 0));
+    a.sample(A, &header(3 + GAP_MAX + u64::MAX / 2, 3 * T), &[], EPOCH, 3 * T);
+    assert_eq!((a.rejections().get(Rejection::Gap), a.rejections().get(Rejection::Reordered)), (2, 1));
+}
+
+#[test]
+fn the_writer_that_was_silent_the_longest_is_forgotten() {
+    let mut a = admission();
+    for writer in 0..WRITERS as u128 {
+        a.sample(writer, &header(7, T), &[], EPOCH, T);
+    }
+    // All but the sixth are heard again, and one more comes.
+    for writer in (0..WRITERS as u128).filter(|writer| *writer != 5) {
+        a.sample(writer, &header(8, 2 * T), &[], EPOCH, 2 * T);
+    }
+    a.sample(1000, &header(1, 3 * T), &[], EPOCH, 3 * T);
+    assert_eq!(a.rejections().total(), 0);
+    for writer in (0..WRITERS as u128).filter(|writer| *writer != 5) {
+        a.sample(writer, &header(8, 3 * T), &[], EPOCH, 3 * T);
+    }
+    assert_eq!(a.rejections().get(Rejection::Repeated), WRITERS as u64 - 1);
+    a.sample(5, &header(7, 3 * T), &[], EPOCH, 3 * T);
+    assert_eq!(a.rejections().total(), WRITERS as u64 - 1);
+}
+
+#[test]
+fn a_robot_that_joins_is_seen_in_its_place_and_one_that_leaves_is_unknown() {
+    let new = |id, x| RobotSpec {
+        id: RobotId(id),
+        radius_m: 0.15,
+        start: Pose::new(x, 1.0, 0.5),
+        goal_m: Vec2::new(0.0, 5.0),
+        foreign_speed_mps: None,
+    };
+    let mut a = admission().with_places(4);
+    assert_eq!((a.last_pose(3), a.last_pose(4)), (Some(Pose::default()), None));
+    offer(&mut a, 1, at(3, 3.0));
+    for (place, id) in [(3, 1), (2, 6)] {
+        a.admit(place, &new(id, f64::from(id)));
+        assert_eq!(a.last_pose(place), Some(Pose::new(f64::from(id), 1.0, 0.5)));
+        assert_eq!((a.last_good(place), a.pose(place, T)), (None, None));
+    }
+    // Ids stay in order, whatever the order of the places.
+    let records = [at(9, 9.0), at(6, 6.1), at(3, 3.1), at(1, 1.1)];
+    a.sample(A, &header(2, 2 * T), &records, EPOCH, 2 * T);
+    assert_eq!(a.rejections().total(), 0);
+    let seen: Vec<_> = (0..4).map(|place| a.pose(place, 2 * T).map(|(pose, _)| pose.position_m.x)).collect();
+    assert_eq!(seen, [Some(3.1), Some(9.0), Some(6.1), Some(1.1)]);
+
+    a.dismiss(0);
+    assert_eq!((a.pose(0, 2 * T), a.last_pose(0)), (None, Some(Pose::default())));
+    offer(&mut a, 3, at(3, 3.1));
+    assert_eq!(a.rejections().get(Rejection::UnknownRobot), 1);
+    // The others are seen as before, also the one that takes the place.
+    a.admit(0, &new(5, 5.0));
+    a.sample(A, &header(4, 4 * T), &[at(1, 1.1), at(5, 5.0), at(6, 6.1), at(9, 9.0)], EPOCH, 4 * T);
+    assert_eq!(a.rejections().total(), 1);
+    assert!((0..4).all(|place| a.pose(place, 4 * T).is_some()));
+    // Someone else in a place begins anew: what was seen there before says nothing.
+    a.admit(0, &new(3, 40.0));
+    offer(&mut a, 5, at(3, 40.0));
+    assert_eq!((a.rejections().total(), a.pose(0, 5 * T).map(|(_, stamp)| stamp)), (1, Some(5 * T)));
+}
+
+#[test]
+fn noise_and_slip_explain_that_much_more_way() {
+    // 5 m/s for 80 ms and 0.25 m: 0.65 m. A tenth of slip adds 0.04 m, noise at both ends 0.06 m.
+    let bounds = Disturbance { position_m: 0.03, slip: 0.1, ..Disturbance::NONE };
+    for (way_m, accepted) in [(0.66, true), (0.749, true), (0.751, false)] {
+        let mut known = admission().tolerating(&bounds);
+        let mut joined = admission().with_places(3).tolerating(&bounds);
+        let robot = RobotSpec {
+            id: RobotId(20),
+            radius_m: 0.15,
+            start: Pose::default(),
+            goal_m: Vec2::zeros(),
+            foreign_speed_mps: None,
+        };
+        joined.admit(2, &robot);
+        for (a, id, place) in [(&mut known, 3, 0), (&mut joined, 20, 2)] {
+            offer(a, 1, at(id, 3.0));
+            offer(a, 2, at(id, 3.0 + way_m));
+            assert_eq!(a.pose(place, 2 * T).is_some(), accepted, "{way_m} m, robot {id}");
+        }
+    }
+}
+
+#[test]
+fn every_reason_has_its_own_name_and_count() {
+    let mut a = admission();
+    for (n, reason) in Rejection::ALL.into_iter().enumerate() {
+        (0..=n).for_each(|_| a.refuse(reason));
+    }
+    let counts: Vec<u64> = a.rejections().iter().map(|(_, count)| count).collect();
+    assert_eq!(counts, (1..=Rejection::ALL.len() as u64).collect::<Vec<_>>());
+    assert_eq!(a.rejections().total(), counts.iter().sum::<u64>());
+    let json = serde_json::to_value(a.rejections()).unwrap();
+    let object = json.as_object().unwrap();
+    assert_eq!(object.len(), Rejection::ALL.len() + 2);
+    for (reason, count) in a.rejections().iter() {
+        assert_eq!(object[reason.name()], count, "{reason:?}");
+    }
+    assert_eq!((object["skipped_samples"].as_u64(), object["frozen_robots"].as_u64()), (Some(0), Some(0)));
+    // What readers of reports look for.
+    assert_eq!((Rejection::NotFinite.name(), Rejection::Jump.name()), ("not_finite", "jump"));
+}
+
 proptest! {
     /// Any bit pattern in any field: never a panic, never a pose that is not finite and in range.
     #[test]
