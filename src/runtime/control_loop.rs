@@ -3,6 +3,7 @@ use std::sync::Arc;
 use super::board::Board;
 use super::desk::Desk;
 use super::event_count::{SPIN_LEAD_NS, Waiting};
+use super::fallback::{answer, resting};
 use super::room::Room;
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
@@ -132,12 +133,6 @@ impl LoopMemory {
 /// Skipped periods that are counted one by one.
 const SILENT_PERIODS_MAX: u64 = 256;
 
-/// The intent of a robot that stands although it had other plans. Without one it would be taken to
-/// drive to its goal at full speed.
-fn resting(intent: &RobotIntent) -> RobotIntent {
-    RobotIntent { speed_mps: 0.0, ..*intent }
-}
-
 impl<C: Clock> ControlLoop<C> {
     /// Runs until a stop is asked for or the last period is over; returns why.
     pub(super) fn run(&mut self) -> StopReason {
@@ -263,36 +258,11 @@ impl<C: Clock> ControlLoop<C> {
     /// Takes what is staged for `tick`; what is not there or not admissible becomes a stop.
     fn collect(&mut self, tick: u64) {
         let (memory, corrupt) = (&mut self.memory, self.board.is_corrupt(tick));
+        let missing = if corrupt { StopReason::Corrupt } else { StopReason::Deadline };
         let answers = memory.commands.iter_mut().zip(&mut memory.intents);
         for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
             let staged = self.board.staging.take(index, tick);
-            let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
-            *command = match staged {
-                _ if state.has(state_flags::VACANT) => stop(StopReason::Vacant),
-                _ if state.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
-                _ if state.has(state_flags::STOPPED) => stop(StopReason::Stopped),
-                _ if state.has(state_flags::PAUSED) => stop(StopReason::Paused),
-                _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
-                None if corrupt => stop(StopReason::Corrupt),
-                None => stop(StopReason::Deadline),
-                Some((staged, _)) if staged.stop_reason != 0 => {
-                    RobotCommand { id: state.id, v_mps: 0.0, omega_radps: 0.0, ..staged }
-                }
-                Some((staged, _)) if self.limits.admits(staged.command()) => {
-                    RobotCommand { id: state.id, ..staged }
-                }
-                Some(_) => stop(StopReason::Unverified),
-            };
-            *intent = match staged {
-                Some((staged, meant))
-                    if state.has(state_flags::VALID)
-                        && !state.is_held()
-                        && staged.stop_reason == command.stop_reason =>
-                {
-                    meant
-                }
-                _ => resting(intent),
-            };
+            (*command, *intent) = answer(state, staged, missing, &self.limits, intent);
         }
     }
 

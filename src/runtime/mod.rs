@@ -31,6 +31,7 @@ mod desk;
 mod driven;
 mod error;
 mod event_count;
+mod fallback;
 mod findings;
 mod forecast;
 mod heartbeat;
