@@ -44,3 +44,8 @@ fn observation() {
 fn command() {
     feed("command", targets::command);
 }
+
+#[test]
+fn journal() {
+    feed("journal", targets::journal);
+}

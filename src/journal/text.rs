@@ -82,7 +82,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Kept, Damage> {
     let mut words = rest.trim_end().split(' ');
     let version = words.next().unwrap_or_default();
     if version != VERSION.to_string() {
-        return Err(Damage::Version { version: version.to_owned() });
+        return Err(Damage::Version { version: brief(version) });
     }
     let length = words.next().and_then(|word| word.parse::<usize>().ok());
     if let Some(written) = length.filter(|length| *length != body.len()) {
@@ -93,8 +93,13 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Kept, Damage> {
     if first != head(body).as_bytes() {
         return Err(Damage::Checksum);
     }
-    let body: Body = toml::from_str(body).map_err(|e| Damage::Content(e.message().to_owned()))?;
-    body.kept().map_err(Damage::Content)
+    let body: Body = toml::from_str(body).map_err(|e| Damage::Content(brief(e.message())))?;
+    body.kept().map_err(|reason| Damage::Content(brief(&reason)))
+}
+
+/// What somebody wrote, so that it fits a line of a log.
+fn brief(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(100).collect()
 }
 
 #[derive(Deserialize)]

@@ -5,9 +5,11 @@ mod admin;
 mod bytes;
 mod command;
 mod files;
+mod journal;
 mod observation;
 
 pub use admin::admin;
 pub use command::command;
 pub use files::{configuration, scenario};
+pub use journal::journal;
 pub use observation::observation;
