@@ -11,17 +11,17 @@ fn near(got: f64, expected: f64) -> bool {
     got == expected || (got - expected).abs() <= 1e-14 * (1.0 + expected.abs())
 }
 
-/// A programme whose solution is v = 2, ω = −1, with rows that hold with and without slack, that are active
+/// A programme whose solution is v = 2, ω = −2, with rows that hold with and without slack, that are active
 /// and that are not.
 fn programme() -> Programme {
     let weights = Weights { v: 0.5, omega: 6.0, position: 10.0, heading: 4.0, comfort: 3.0 };
     let mut p = Programme::with_capacity(weights, 4);
-    // At v = 2: (−3 + 1) · 2 + 6 = 2 to be covered by slack.
-    p.position = Certificate { linear: -3.0, curvature: 1.0, decrease: 6.0 };
-    // At ω = −1: (3 − ½) · −1 + 4 = 1.5.
-    p.heading = Certificate { linear: 3.0, curvature: 1.0, decrease: 4.0 };
+    // At v = 2: (−5 + 2) · 2 + 8 = 2 to be covered by slack.
+    p.position = Certificate { linear: -5.0, curvature: 2.0, decrease: 8.0 };
+    // At ω = −2: (7.5 − 2) · −2 + 12.5 = 1.5.
+    p.heading = Certificate { linear: 7.5, curvature: 2.0, decrease: 12.5 };
     p.v_mps = Interval { min: -1.0, max: 2.0 };
-    p.omega_radps = Interval { min: -1.0, max: 1.0 };
+    p.omega_radps = Interval { min: -2.0, max: 1.0 };
     for (coefficient, bound) in [(1.5, 1.0), (2.0, 4.0), (1.0, 5.0)] {
         assert!(p.push_comfort(Row { coefficient, bound }));
     }
@@ -31,12 +31,12 @@ fn programme() -> Programme {
     p
 }
 
-/// Its solution. In v: 0.5 · 2 + 10 · (−3 + 2) + 3 · 1.5 + 1 · 2 + 4 · 0.5 + 0.5 = 0; in ω:
-/// 6 · −1 + 4 · (3 − 1) − 2 = 0.
+/// Its solution. In v: 0.5 · 2 + 10 · (−5 + 4) + 3 · 1.5 + 1 · 2 + 4 · 0.5 + 0.5 = 0; in ω:
+/// 6 · −2 + 4 · (7.5 − 4) − 2 = 0.
 fn solution() -> Solution {
     Solution {
         v_mps: 2.0,
-        omega_radps: -1.0,
+        omega_radps: -2.0,
         slack_position: 2.0,
         slack_heading: 1.5,
         slack_comfort: vec![2.0, 0.0, 0.0],
@@ -65,24 +65,24 @@ fn the_exact_solution_leaves_nothing() {
 /// Violations are measured against 1 and the size of their row, multipliers against 1 and their weight.
 #[test]
 fn each_mistake_is_seen_for_what_it_is_and_with_its_size() {
-    // The position row is 6 + 2 + 6 large.
+    // The position row is 10 + 4 + 8 large.
     let r = residuals(|s| s.slack_position = 1.0);
-    assert!(near(r.primal, 1.0 / 15.0) && near(r.complementarity, 10.0 / 151.0), "{r:?}");
+    assert!(near(r.primal, 1.0 / 23.0) && near(r.complementarity, 10.0 / 231.0), "{r:?}");
     assert_eq!((r.dual, r.stationarity), (0.0, 0.0));
     let r = residuals(|s| s.slack_position = 3.0);
-    assert!(r.primal == 0.0 && near(r.complementarity, 10.0 / 151.0), "{r:?}");
+    assert!(r.primal == 0.0 && near(r.complementarity, 10.0 / 231.0), "{r:?}");
     let r = residuals(|s| s.dual_position = 12.0);
-    assert!(near(r.dual, 2.0 / 11.0) && near(r.complementarity, 4.0 / 151.0), "{r:?}");
-    assert!(near(r.stationarity, 2.0 / 71.0), "{r:?}");
+    assert!(near(r.dual, 2.0 / 11.0) && near(r.complementarity, 4.0 / 231.0), "{r:?}");
+    assert!(near(r.stationarity, 2.0 / 119.0), "{r:?}");
     let r = residuals(|s| s.dual_position = 7.0);
-    assert!(r.dual == 0.0 && near(r.complementarity, 6.0 / 151.0), "{r:?}");
-    assert!(near(r.stationarity, 3.0 / 46.0), "{r:?}");
+    assert!(r.dual == 0.0 && near(r.complementarity, 6.0 / 231.0), "{r:?}");
+    assert!(near(r.stationarity, 3.0 / 74.0), "{r:?}");
 
-    // The heading row is 3 + 0.5 + 4 large.
+    // The heading row is 15 + 4 + 12.5 large.
     let r = residuals(|s| s.slack_heading = 1.0);
-    assert!(near(r.primal, 0.5 / 8.5) && near(r.complementarity, 2.0 / 35.0), "{r:?}");
+    assert!(near(r.primal, 0.5 / 32.5) && near(r.complementarity, 2.0 / 131.0), "{r:?}");
     let r = residuals(|s| s.dual_heading = 3.0);
-    assert!(near(r.complementarity, 1.5 / 35.0) && near(r.stationarity, 2.0 / 21.0), "{r:?}");
+    assert!(near(r.complementarity, 1.5 / 131.0) && near(r.stationarity, 3.5 / 49.5), "{r:?}");
 
     // Comfort rows, 4, 8 and 7 large.
     let r = residuals(|s| s.slack_comfort[0] = 1.0);
@@ -90,26 +90,26 @@ fn each_mistake_is_seen_for_what_it_is_and_with_its_size() {
     let r = residuals(|s| s.slack_comfort[2] = -0.5);
     assert!(near(r.primal, 0.5 / 8.0) && near(r.complementarity, 1.5 / 25.0), "{r:?}");
     let r = residuals(|s| s.dual_comfort[1] = -1.0);
-    assert!(near(r.dual, 1.0 / 4.0) && near(r.stationarity, 4.0 / 61.0), "{r:?}");
+    assert!(near(r.dual, 1.0 / 4.0) && near(r.stationarity, 4.0 / 101.0), "{r:?}");
     let r = residuals(|s| s.dual_comfort[2] = 2.0);
-    assert!(near(r.complementarity, 6.0 / 25.0) && near(r.stationarity, 2.0 / 63.0), "{r:?}");
+    assert!(near(r.complementarity, 6.0 / 25.0) && near(r.stationarity, 2.0 / 103.0), "{r:?}");
 
     // Safety rows, 2 and 5 large; their multipliers are measured against themselves.
     let r = residuals(|s| s.dual_safety[1] = 2.0);
-    assert!(near(r.complementarity, 10.0 / 13.0) && near(r.stationarity, 2.0 / 63.0), "{r:?}");
+    assert!(near(r.complementarity, 10.0 / 13.0) && near(r.stationarity, 2.0 / 103.0), "{r:?}");
     assert_eq!((r.primal, r.dual), (0.0, 0.0));
     let r = residuals(|s| s.dual_safety[0] = -4.0);
-    assert!(near(r.dual, 4.0 / 5.0) && near(r.stationarity, 4.0 / 61.0), "{r:?}");
+    assert!(near(r.dual, 4.0 / 5.0) && near(r.stationarity, 4.0 / 101.0), "{r:?}");
 
     // Bounds.
     let r = residuals(|s| s.dual_v = [1.0, 0.5]);
-    assert!(near(r.complementarity, 3.0 / 3.0) && near(r.stationarity, 1.0 / 62.0), "{r:?}");
+    assert!(near(r.complementarity, 3.0 / 3.0) && near(r.stationarity, 1.0 / 102.0), "{r:?}");
     let r = residuals(|s| s.dual_omega = [2.0, 1.0]);
-    assert!(near(r.complementarity, 2.0 / 3.0) && near(r.stationarity, 1.0 / 26.0), "{r:?}");
+    assert!(near(r.complementarity, 3.0 / 3.0) && near(r.stationarity, 1.0 / 62.0), "{r:?}");
     let r = residuals(|s| s.v_mps = 3.0);
     assert!(near(r.primal, 1.0 / 3.0), "{r:?}");
-    let r = residuals(|s| s.omega_radps = -2.0);
-    assert!(near(r.primal, 1.0 / 2.0), "{r:?}");
+    let r = residuals(|s| s.omega_radps = -3.0);
+    assert!(near(r.primal, 1.0 / 3.0), "{r:?}");
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn what_cannot_be_checked_is_refused() {
     let lengths: [fn(&mut Solution) -> &mut Vec<f64>; 3] =
         [|s| &mut s.slack_comfort, |s| &mut s.dual_comfort, |s| &mut s.dual_safety];
     for list in lengths {
-        for r in [residuals(|s| drop(list(s).pop())), residuals(|s| list(s).push(0.0))] {
+        for r in [residuals(|s| _ = list(s).pop()), residuals(|s| list(s).push(0.0))] {
             assert_eq!(r.primal.min(r.dual).min(r.complementarity).min(r.stationarity), f64::INFINITY);
         }
     }
@@ -173,14 +173,14 @@ fn the_largest_residual_counts() {
 #[test]
 fn the_objective_is_the_cost_of_the_inputs_and_of_the_smallest_slacks() {
     let p = programme();
-    // ½ (0.5 · 4 + 6), 10 · 2, 4 · 1.5, 3 · 2.
-    assert_eq!(p.objective(2.0, -1.0), 4.0 + 20.0 + 6.0 + 6.0);
+    // ½ (0.5 · 4 + 6 · 4), 10 · 2, 4 · 1.5, 3 · 2.
+    assert_eq!(p.objective(2.0, -2.0), 13.0 + 20.0 + 6.0 + 6.0);
     // Standing costs what the certificates ask for.
-    assert_eq!(p.objective(0.0, 0.0), 60.0 + 16.0);
-    // ½ · 6, and (3 + ½) + 4 to be covered.
-    assert_eq!(p.objective(0.0, 1.0), 3.0 + 60.0 + 30.0);
+    assert_eq!(p.objective(0.0, 0.0), 80.0 + 50.0);
+    // ½ · 6, and (7.5 + 1) + 12.5 to be covered.
+    assert_eq!(p.objective(0.0, 1.0), 3.0 + 80.0 + 84.0);
     // Beyond the second comfort row as well: 3 · (3.5 + 2).
-    assert!(near(p.objective(3.0, 0.0), 2.25 + 15.0 + 16.0 + 16.5));
+    assert!(near(p.objective(3.0, 0.0), 2.25 + 20.0 + 50.0 + 16.5));
     let c = Certificate { linear: 2.0, curvature: 3.0, decrease: 1.0 };
     assert_eq!((c.excess(2.0), c.slope(2.0)), (11.0, 8.0));
 }
@@ -252,7 +252,7 @@ fn a_solution_begins_with_zeros_of_the_right_lengths() {
         ..Solution::default()
     };
     assert_eq!(s, expected);
-    assert_eq!(solution().command(), Command { v_mps: 2.0, omega_radps: -1.0 });
+    assert_eq!(solution().command(), Command { v_mps: 2.0, omega_radps: -2.0 });
 }
 
 /// One number that is not what the solvers rely on is enough.
@@ -302,9 +302,9 @@ fn every_number_of_a_programme_is_looked_at() {
 fn two_answers_are_as_far_apart_as_their_inputs_and_their_costs() {
     let p = programme();
     let at = |v_mps, omega_radps| Command { v_mps, omega_radps };
-    let d = Disagreement::between(&p, at(2.0, -1.0), at(0.0, 0.0));
-    // 36 and 76.
-    assert!(near(d.objective_rel, 40.0 / 37.0) && d.input == 2.0, "{d:?}");
+    let d = Disagreement::between(&p, at(2.0, -2.0), at(0.0, 0.0));
+    // 45 and 130.
+    assert!(near(d.objective_rel, 85.0 / 46.0) && d.input == 2.0, "{d:?}");
     assert_eq!(Disagreement::between(&p, at(2.0, -1.0), at(2.5, 1.0)).input, 2.0);
     assert_eq!(Disagreement::between(&p, at(2.0, -1.0), at(2.0, -1.0)), Disagreement::default());
     for (a, b) in [(at(f64::NAN, 0.0), at(0.0, 0.0)), (at(0.0, 0.0), at(0.0, f64::INFINITY))] {
