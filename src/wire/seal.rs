@@ -42,7 +42,7 @@ header!(CheckpointHeader, CommandHeader, ObservationHeader, StateHeader, Telemet
 /// bit, every burst of up to 32 bits, all but one in 2³² of any other change, and samples of another
 /// channel or fleet. It is no protection against somebody who means harm: he can compute it as well.
 ///
-/// Some 20 ns and 0.1 ns a byte; allocates nothing.
+/// 70 ns for the state of 8 robots, 0.21 ms for that of 100,000 (docs/CHANNELS.md); allocates nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seal {
     /// CRC-32 of the channel's name.
