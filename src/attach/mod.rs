@@ -33,6 +33,13 @@ use crate::channel::{Attachment, ChannelError, Reader, Received, Record, Transpo
 use crate::config::ChannelConfig;
 use crate::wire::{RobotCommand, RobotState, RobotTelemetry};
 
+/// How long a channel is waited for that a running daemon does not offer: it may have begun just now, and
+/// makes one after the other.
+const STARTING: Duration = Duration::from_secs(2);
+
+/// Between two looks for a daemon or a channel.
+const LOOK_FOR_EVERY: Duration = Duration::from_millis(10);
+
 /// Between two looks at a channel.
 const LOOK_EVERY: Duration = Duration::from_micros(200);
 
@@ -71,11 +78,36 @@ impl Client {
     /// # Errors
     /// Those of [`Client::connect`], after `patience`.
     pub fn wait_for(fleet: &str, patience: Duration) -> Result<Self, ChannelError> {
+        Self::wait_for_at(fleet, &ChannelConfig::default().with_environment(), patience)
+    }
+
+    /// The same for channels that live where `location` says.
+    ///
+    /// # Errors
+    /// Those of [`Client::connect`], after `patience`.
+    pub fn wait_for_at(
+        fleet: &str,
+        location: &ChannelConfig,
+        patience: Duration,
+    ) -> Result<Self, ChannelError> {
         let end = Instant::now() + patience;
         loop {
-            match Self::connect(fleet) {
+            match Self::connect_at(fleet, location) {
                 Err(ChannelError::NoDaemon { .. }) if Instant::now() < end => {
-                    std::thread::sleep(Duration::from_millis(10));
+                    std::thread::sleep(LOOK_FOR_EVERY);
+                }
+                result => return result,
+            }
+        }
+    }
+
+    /// Opens a channel of the daemon. One that is missing may come while the daemon starts.
+    fn patiently<T>(&self, open: impl Fn() -> Result<T, ChannelError>) -> Result<T, ChannelError> {
+        let end = Instant::now() + STARTING;
+        loop {
+            match open() {
+                Err(ChannelError::NoDaemon { .. }) if Instant::now() < end && self.node.has_daemon() => {
+                    std::thread::sleep(LOOK_FOR_EVERY);
                 }
                 result => return result,
             }
@@ -93,7 +125,7 @@ impl Client {
     /// [`ChannelError::Schema`] when the daemon speaks another version, [`ChannelError::Port`] when there
     /// is no place for another reader.
     pub fn states(&self) -> Result<Subscriber<RobotState>, ChannelError> {
-        self.node.reader().map(|reader| Subscriber { reader })
+        self.patiently(|| self.node.reader()).map(|reader| Subscriber { reader })
     }
 
     /// The fleet's commands, one sample a period.
@@ -101,7 +133,7 @@ impl Client {
     /// # Errors
     /// Those of [`Client::states`].
     pub fn commands(&self) -> Result<Subscriber<RobotCommand>, ChannelError> {
-        self.node.reader().map(|reader| Subscriber { reader })
+        self.patiently(|| self.node.reader()).map(|reader| Subscriber { reader })
     }
 
     /// How each period went.
@@ -109,7 +141,7 @@ impl Client {
     /// # Errors
     /// Those of [`Client::states`].
     pub fn telemetry(&self) -> Result<Subscriber<RobotTelemetry>, ChannelError> {
-        self.node.reader().map(|reader| Subscriber { reader })
+        self.patiently(|| self.node.reader()).map(|reader| Subscriber { reader })
     }
 
     /// A publisher of what is seen of `robots` robots, for a daemon with `source.kind = "observation"`.
@@ -118,7 +150,7 @@ impl Client {
     /// [`ChannelError::NoDaemon`] when the daemon does not listen to observations, and those of
     /// [`Client::states`].
     pub fn observations(&self, robots: usize) -> Result<ObservationPublisher, ChannelError> {
-        ObservationPublisher::new(&self.node, robots)
+        self.patiently(|| ObservationPublisher::new(&self.node, robots))
     }
 
     /// For an operator's requests, answered within [`AdminClient::TIMEOUT`] unless another time is set.
@@ -126,7 +158,7 @@ impl Client {
     /// # Errors
     /// Those of [`Client::states`].
     pub fn admin(&self) -> Result<AdminClient, ChannelError> {
-        AdminClient::new(&self.node)
+        self.patiently(|| AdminClient::new(&self.node))
     }
 }
 
