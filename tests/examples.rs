@@ -83,3 +83,24 @@ fn operate_gives_orders_and_tells_why_one_is_refused() {
     assert!(!alone.status.success());
     assert!(String::from_utf8_lossy(&alone.stderr).contains("NoDaemon"), "{alone:?}");
 }
+
+#[test]
+fn the_ten_lines_of_the_readme_run_as_they_are_printed() {
+    let file = |name: &str| {
+        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name);
+        std::fs::read_to_string(path).unwrap()
+    };
+    let readme = file("README.md");
+    let (_, after) = readme.split_once("```rust\n").unwrap();
+    let (printed_there, _) = after.split_once("```").unwrap();
+    let example = file("docs/examples/attach.rs");
+    let (_, code) = example.split_once("\n\n").unwrap();
+    assert_eq!((printed_there, printed_there.lines().count()), (code, 10));
+    let world = World::new("example_attach");
+    let mut config = config(&world, lanes(2, 50.0), 20_000_000);
+    config.timing.ticks = Some(400);
+    let daemon = Daemon::start(config, Until::Stopped).unwrap();
+    let text = printed(&world, "attach", &[]);
+    assert!(text.contains("0: (") && text.contains("3: ("), "{text}");
+    assert_eq!(daemon.join().unwrap().control.violations, 0);
+}

@@ -18,6 +18,9 @@ class Examples(WorldTestCase):
     def test_ten_lines_follow_a_fleet(self):
         lines = (EXAMPLES / "follow.py").read_text().split('"""\n')[1].strip().splitlines()
         self.assertLessEqual(len(lines), 10)
+        for readme in (PACKAGE / "README.md", PACKAGE.parent.parent / "README.md"):
+            printed = readme.read_text().split("```python\n")[1].split("```")[0]
+            self.assertEqual(printed.strip().splitlines(), lines, readme)
         self.daemon("--ticks", "80")
         self.attach()
         said = self.ended(self.python(str(EXAMPLES / "follow.py")))
