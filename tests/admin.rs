@@ -322,6 +322,29 @@ fn nobody_is_asked_when_no_daemon_runs_and_nobody_waits_for_ever() {
     assert!(Client::connect_at("default", &world.channel).is_err());
 }
 
+/// A daemon that starts makes its channels one after the other.
+#[test]
+fn a_channel_that_a_starting_daemon_has_not_made_yet_is_waited_for() {
+    let world = World::new("admin_starting");
+    let transport = Transport::new("default", &world.channel).unwrap();
+    let (began, beginning) = std::sync::mpsc::channel();
+    let (found, finding) = std::sync::mpsc::channel();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let node = transport.attach("clearwayd").unwrap();
+            let _states: clearway::channel::Writer<RobotState> = node.writer(1).unwrap();
+            began.send(()).unwrap();
+            std::thread::sleep(Duration::from_millis(60));
+            let _server = node.admin_server(4).unwrap();
+            finding.recv().unwrap();
+        });
+        beginning.recv().unwrap();
+        let client = Client::wait_for_at("default", &world.channel, PATIENCE).unwrap();
+        assert!(client.states().is_ok() && client.admin().is_ok());
+        found.send(()).unwrap();
+    });
+}
+
 /// A daemon that listens to observations, and one that does not.
 #[test]
 fn observations_are_published_where_somebody_listens() {
@@ -409,6 +432,46 @@ fn a_robot_is_not_put_in_front_of_another() {
     assert_eq!(refused(close), (AdminCode::TooClose, Some(0)));
     // The refusal leaves no trace: the place is still free.
     run.admin.add_robot(&spec(5, (0.51, 0.0), (3.0, 0.0))).unwrap();
+}
+
+/// What a robot still travels on commands that its wheels have not followed yet counts: a new one never
+/// stands in its way.
+#[test]
+fn a_robot_is_not_put_in_front_of_one_that_lags() {
+    let world = World::new("admin_lag");
+    let mut config = config(&world, lanes(1, 400.0), T);
+    config.admin.capacity = 2;
+    config.source.arena_m = 1000.0;
+    config.robust.lag_s = 0.1;
+    config.robust.delay_s = 0.05;
+    config.disturbance.amplitude = config.robust;
+    config.disturbance.pattern = clearway::config::Pattern::Adversarial;
+    let mut run = start(config);
+    let mut states = run.client.states().unwrap();
+    let (mut added, mut refusals) = (0, 0);
+    while added < 6 {
+        // Again and again in front of it, at full speed, each time a little farther away.
+        let x_m = until(&mut states, |_, robots| (robots[0].v_mps > 4.0).then_some(robots[0].x_m));
+        for step in 0..40 {
+            let at_m = x_m + 0.4 + 0.1 * f64::from(step);
+            match run.admin.add_robot(&spec(9, (at_m, 0.0), (at_m, 50.0))) {
+                Ok(done) => {
+                    until(&mut states, |header, _| (header.tick > done.acts_from_tick + 3).then_some(()));
+                    added += 1;
+                    run.admin.remove_robot(9).unwrap();
+                    break;
+                }
+                refusal => {
+                    assert_eq!(refused(refusal).0, AdminCode::TooClose);
+                    refusals += 1;
+                }
+            }
+        }
+    }
+    assert!(refusals > 0);
+    run.daemon.stop();
+    let report = run.daemon.join().unwrap();
+    assert_eq!(report.control.violations, 0, "{report:?}");
 }
 
 /// Two robots that are nothing to each other, two hundred metres apart.

@@ -451,3 +451,39 @@ fn clearance(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> f64
 fn nanoseconds(started: Instant) -> u64 {
     u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config::Config;
+    use crate::controller::{RobotGroup, Timing};
+    use crate::evaluation::initial_fleet;
+    use crate::scenario::Scenario;
+    use crate::wire::telemetry_flags;
+
+    /// Noise may carry a robot that stands out of the tolerance, where it stays; its own way may not.
+    #[test]
+    fn a_robot_settles_only_once_it_stands() {
+        let mut config = Config::new(Scenario::builtin("swap8").unwrap());
+        config.robust.position_m = 0.02;
+        // Seen at these distances from its goal, one after the other, at these speeds: does it hold?
+        let holds = |seen: [(f64, f64); 2]| {
+            let mut group = RobotGroup::new(&config, 0..1).unwrap();
+            let mut fleet = initial_fleet(&config);
+            seen.map(|(off_m, v_mps)| {
+                (fleet[0].x_m, fleet[0].y_m) = (fleet[0].goal_x_m - off_m, fleet[0].goal_y_m);
+                (fleet[0].theta_rad, fleet[0].v_mps) = (0.0, v_mps);
+                let mut held = false;
+                group.solve(&fleet, Timing::Ideal, |_, decision| {
+                    held = decision.telemetry.flags & telemetry_flags::HOLDING != 0;
+                });
+                held
+            })
+        };
+        // The tolerance is 5 cm: less the doubt 3 cm, with it 7 cm.
+        assert_eq!(holds([(0.02, 0.0), (0.06, 0.0)]), [true, true]);
+        assert_eq!(holds([(0.04, 0.0), (0.06, 0.0)]), [false, false]);
+        assert_eq!(holds([(0.02, 0.0), (0.08, 0.0)]), [true, false]);
+        // On its way through: it has to come back.
+        assert_eq!(holds([(0.02, 0.5), (0.06, 0.0)]), [true, false]);
+    }
+}

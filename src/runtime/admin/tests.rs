@@ -217,3 +217,43 @@ fn a_panic_costs_one_request_is_shown_and_leaves_a_stop_possible() {
     assert_eq!(rig.carry_out().len(), 1);
     assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32);
 }
+
+#[test]
+fn a_stop_that_relied_on_one_that_expired_is_passed_on_itself() {
+    let mut rig = Rig::new("admin_expired_stop", lanes(2, 20.0));
+    let first = rig.ask(0, AdminKind::Stop, 0, &[]);
+    let second = rig.ask(1, AdminKind::Stop, 0, &[]);
+    rig.admin.round(false);
+    let mut batch = rig.desk.todo.pop().unwrap();
+    assert!(rig.desk.todo.is_empty(), "one serves for both");
+    batch.outcome = Outcome::Expired;
+    rig.desk.done.push(batch).unwrap();
+    // Neither has expired for who asked: both are passed on again, as one.
+    rig.admin.round(false);
+    assert!(first.answer().unwrap().is_none() && second.answer().unwrap().is_none());
+    let seen = rig.carry_out();
+    assert_eq!(seen.len(), 1);
+    assert_eq!(seen[0].changes, [Change::Hold { set: state_flags::STOPPED, clear: 0 }]);
+    for waiting in [&first, &second] {
+        assert_eq!(rig.answer(waiting).0.code, AdminCode::Done as u32);
+    }
+}
+
+#[test]
+fn a_period_takes_its_share_of_requests_however_large_they_are_and_every_stop() {
+    let (scenario, goals) = crowd(40, 3);
+    let mut rig = Rig::new("admin_share", scenario);
+    let most = crate::config::AdminConfig::default().changes_per_period;
+    let waiting: Vec<_> =
+        (0..2 * most).map(|n| rig.ask(n % 2, AdminKind::SetGoals, 0, &goals[..n % 5 + 1])).collect();
+    rig.admin.round(false);
+    let busy = |one: &&Waiting| {
+        one.answer().unwrap().is_some_and(|(answer, _)| answer.code == AdminCode::Busy as u32)
+    };
+    assert_eq!(waiting.iter().filter(busy).count(), most);
+    drop(waiting);
+    let stop = rig.ask(0, AdminKind::Stop, 0, &[]);
+    while rig.admin.round(false) {}
+    assert_eq!(rig.carry_out().len(), most + 1);
+    assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32);
+}
