@@ -124,6 +124,15 @@ impl Files {
         }
     }
 
+    /// Samples come: what was there before under the open file's name is replaced.
+    pub(crate) fn take_place(&mut self) {
+        if let Some(segment) = &mut self.open
+            && let Err(e) = segment.take_place()
+        {
+            self.full(&e);
+        }
+    }
+
     /// Takes a message; counts it where there is no file for it.
     pub(crate) fn message(&mut self, topic: &str, tick: u64, time_ns: u64, data: &[u8]) {
         let Some(segment) = &mut self.open else {
@@ -208,9 +217,14 @@ impl Files {
         if !counts.is_empty() {
             let _ = segment.metadata(COUNTS, counts);
         }
-        let len = segment.len();
+        let (len, path) = (segment.len(), segment.path().to_owned());
         let ended = segment.finish();
-        self.finished_bytes += *ended.as_ref().unwrap_or(&len);
+        if let Ok(None) = ended {
+            // The one that is there is an older one.
+            self.all.retain(|one| *one != path);
+            self.kept.retain(|one| *one != path);
+        }
+        self.finished_bytes += ended.as_ref().map_or(len, |len| len.unwrap_or(0));
         ended.is_ok()
     }
 

@@ -401,6 +401,9 @@ impl WriterThread {
             }
             self.announce();
         }
+        if item.epoch().is_some() {
+            self.files.take_place();
+        }
         match item {
             Item::Found => self.ask(),
             Item::State(s) => {

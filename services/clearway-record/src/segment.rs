@@ -185,12 +185,17 @@ impl Segment {
         self.tape.commit()
     }
 
-    /// Ends the file with its index; its room is set aside.
-    pub(crate) fn finish(mut self) -> io::Result<u64> {
+    /// There is something to keep: an older file of this name is replaced.
+    pub(crate) fn take_place(&mut self) -> io::Result<()> {
+        self.tape.take_place()
+    }
+
+    /// Ends the file with its index; its room is set aside. Its length, unless it never took its place.
+    pub(crate) fn finish(mut self) -> io::Result<Option<u64>> {
         let end = self.flush().and_then(|()| self.writer.finish().map(|_| ()).map_err(as_io));
         let end = end.and_then(|()| self.tape.commit());
         let len = self.tape.len();
         let closed = self.tape.close();
-        end.and(closed).map(|()| len)
+        end.and(closed).map(|there| there.then_some(len))
     }
 }

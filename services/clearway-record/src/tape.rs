@@ -35,6 +35,8 @@ impl Write for Pending {
 #[derive(Debug)]
 pub(crate) struct Tape {
     path: PathBuf,
+    /// Where the file is until it takes the place of an older one.
+    aside: Option<PathBuf>,
     file: File,
     pending: Pending,
     written: u64,
@@ -42,18 +44,31 @@ pub(crate) struct Tape {
 }
 
 impl Tape {
-    /// Makes the file. One that exists is refused unless it is empty or may be overwritten.
+    /// Makes the file. One that exists is refused unless it is empty or may be overwritten; that one stays
+    /// until [`take_place`](Self::take_place).
     pub(crate) fn create(path: &Path, overwrite: bool) -> io::Result<Self> {
-        let empty = || std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.len() == 0);
+        let old = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
+        let full = old.as_ref().is_some_and(|about| about.len() > 0);
+        let aside = (overwrite && full).then(|| beside(path));
         let mut options = File::options();
         options.read(true).write(true);
-        if overwrite || empty() {
+        if overwrite || old.is_some() && !full {
             options.create(true).truncate(true);
         } else {
             options.create_new(true);
         }
-        let file = options.open(path)?;
-        Ok(Self { path: path.to_owned(), file, pending: Pending::default(), written: 0, reserved: 0 })
+        let file = options.open(aside.as_deref().unwrap_or(path))?;
+        let (path, pending) = (path.to_owned(), Pending::default());
+        Ok(Self { path, aside, file, pending, written: 0, reserved: 0 })
+    }
+
+    /// There is something to keep: what was there before under this name is replaced.
+    pub(crate) fn take_place(&mut self) -> io::Result<()> {
+        if let Some(aside) = &self.aside {
+            std::fs::rename(aside, &self.path)?;
+            self.aside = None;
+        }
+        Ok(())
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -113,13 +128,56 @@ impl Tape {
         Ok(())
     }
 
-    /// Gives back what was reserved and not used, and waits until the disk has the rest.
-    pub(crate) fn close(self) -> io::Result<()> {
+    /// Gives back what was reserved and not used, and waits until the disk has the rest. A file that never
+    /// took its place goes; whether it is there.
+    pub(crate) fn close(self) -> io::Result<bool> {
+        if let Some(aside) = &self.aside {
+            return std::fs::remove_file(aside).map(|()| false);
+        }
         if self.reserved > self.written {
             let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
             let _ = fallocate(&self.file, hole, self.written, self.reserved - self.written);
         }
         self.file.set_len(self.written)?;
-        self.file.sync_data()
+        self.file.sync_data().map(|()| true)
+    }
+}
+
+/// Where a file grows that is to replace `path`.
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".part");
+    name.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_older_file_is_replaced_when_there_is_something_to_keep() {
+        let folder = std::env::temp_dir().join(format!("clearway_tape_{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("run.mcap");
+        std::fs::write(&path, "old").unwrap();
+        assert!(Tape::create(&path, false).is_err());
+        let written = |tape: &mut Tape| {
+            tape.pending().write_all(b"new").unwrap();
+            tape.commit().unwrap();
+            std::fs::read(&path).unwrap()
+        };
+        let mut tape = Tape::create(&path, true).unwrap();
+        assert_eq!(written(&mut tape), b"old");
+        assert!(!tape.close().unwrap());
+        assert_eq!((std::fs::read(&path).unwrap(), beside(&path).exists()), (b"old".to_vec(), false));
+        let mut tape = Tape::create(&path, true).unwrap();
+        tape.take_place().unwrap();
+        assert_eq!(written(&mut tape), b"new");
+        assert!(tape.close().unwrap() && !beside(&path).exists());
+        // An empty one is nobody's.
+        std::fs::write(&path, "").unwrap();
+        let mut tape = Tape::create(&path, false).unwrap();
+        assert_eq!(written(&mut tape), b"new");
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -362,7 +362,7 @@ fn wrong_files_and_arguments_are_named() {
     std::fs::write(&empty, "").unwrap();
     mcap::Writer::new(std::fs::File::create(&other).unwrap()).unwrap().finish().unwrap();
     let name = |path: &Path| path.to_string_lossy().into_owned();
-    let cases: [(Vec<String>, i32, &str); 7] = [
+    let cases: [(Vec<String>, i32, &str); 8] = [
         (vec!["replay".into(), name(&text)], 2, "is not an MCAP file"),
         (vec!["replay".into(), name(&empty)], 2, "is not an MCAP file"),
         (vec!["replay".into(), name(&other)], 2, "is an MCAP file without"),
@@ -371,6 +371,11 @@ fn wrong_files_and_arguments_are_named() {
         (vec!["record".into(), "/no/such/place/x.mcap".into()], 2, "cannot be written"),
         (
             vec!["record".into(), name(&file(&world, "new.mcap")), "--wait".into(), "0s".into()],
+            3,
+            "no daemon",
+        ),
+        (
+            vec!["record".into(), name(&text), "--overwrite".into(), "--wait".into(), "0s".into()],
             3,
             "no daemon",
         ),
@@ -384,5 +389,6 @@ fn wrong_files_and_arguments_are_named() {
         assert!(!said.contains("panicked"), "{said}");
     }
     assert_eq!(std::fs::read(&text).unwrap().len(), 38, "what was there is untouched");
+    assert!(!file(&world, "text.mcap.part").exists());
     assert!(!file(&world, "new.mcap").exists(), "an empty recording would stand in the way of the next try");
 }

@@ -217,8 +217,10 @@ pub(crate) fn run(args: &Args) -> miette::Result<u8> {
     display.finish();
     if let Err(error) = outcome {
         if matches!(error, RecordError::NoDaemon { .. }) {
-            // Nothing is in it, and the next try would find its name taken.
-            let _ = std::fs::remove_file(&args.out);
+            // Nothing is in them, and the next try would find the name taken. An older file is not among them.
+            for file in &status.files {
+                let _ = std::fs::remove_file(file);
+            }
         }
         return failure(error);
     }
