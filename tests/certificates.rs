@@ -132,7 +132,8 @@ fn a_law_asks_for_its_own_decrease() {
     assert_eq!(Decrease::Exponential { c3: 0.25 }.position(4.0, 0.1), 2.0);
     // V = 1 at a right angle.
     assert!(near(Decrease::Printed(law).heading(std::f64::consts::FRAC_PI_2, 0.1), 0.5));
-    assert!(near(Decrease::Exponential { c3: 0.25 }.heading(std::f64::consts::FRAC_PI_2, 0.1), 0.25));
+    // V = ½ at 60°.
+    assert!(near(Decrease::Exponential { c3: 0.25 }.heading(std::f64::consts::FRAC_PI_3, 0.1), 0.125));
     // Below V = 1/32 the law asks for all of it.
     assert_eq!(Decrease::Printed(law).position(0.2, 0.1), 0.5 * 0.2 * 0.2);
 }
@@ -240,6 +241,15 @@ fn a_reach_holds_what_is_still_to_be_travelled() {
     let both_ways = Margin::new(BOUNDS, &Limits { v_min_mps: -1.0, ..LIMITS }, T, T).reach(0.4, command);
     let expected = Reach { lead_m: 0.0, behind_m: reach.behind_m, ahead_m: reach.behind_m, ..reach };
     assert_eq!(both_ways, expected);
+}
+
+#[test]
+fn a_faster_turn_widens_what_is_still_to_be_travelled() {
+    let limits = Limits { omega_min_radps: -3.0, ..LIMITS };
+    let bounds = Disturbance { delay_s: 0.04, ..Disturbance::NONE };
+    let reach = Margin::new(bounds, &limits, T, T).reach(0.0, Command { v_mps: 3.0, omega_radps: 0.0 });
+    // Held for 0.3 m: (6 + 3) rad/s · 40 ms. Left of it, 0.12 m: 2 · 3 rad/s · 40 ms and 3 rad/s · 40 ms.
+    assert!(near(reach.error_m, 0.3 * 0.36 + 0.12 * 0.36));
 }
 
 #[test]

@@ -97,10 +97,11 @@ fn keeps_clear(arc: &Arc, body: &Body, budget_m: f64, period_s: f64) -> bool {
 mod tests {
     use super::*;
     use crate::certificate::barrier::approach_exact;
+    use crate::certificate::robust::Margin;
     use crate::config::Config;
     use crate::controller::Timing;
     use crate::geometry::{Pose, wrap};
-    use crate::model::Disturbance;
+    use crate::model::{Disturbance, Limits};
     use crate::scenario::Scenario;
     use crate::wire::state_flags;
     use proptest::prelude::*;
@@ -167,5 +168,98 @@ mod tests {
             let anywhere = Body { anywhere: true, ..body };
             prop_assert_eq!(keeps_clear(&arc, &anywhere, budget, t), v == 0.0);
         }
+
+        /// The disc and the closed form for disturbed robots draw the same border; without a gap nothing
+        /// passes that does not lead away in every direction that may be the true one.
+        #[test]
+        fn check_of_the_disturbed_agrees_with_their_closed_form(
+            theta in -3.1..3.1f64, bearing in -3.1..3.1f64, v in prop_oneof![9 => -5.0..5.0f64, 1 => Just(0.0)],
+            gap in prop_oneof![Just(-0.1), Just(0.0), Just(CONTACT_M), 0.001..0.3f64], share in 0.1..1.0f64,
+            blind in 0.0..1.1f64, heading_rad in 0.0..0.5f64, t in 0.01..0.3f64, anywhere in prop::bool::weighted(0.1),
+        ) {
+            let bounds = Disturbance { heading_rad, ..Disturbance::NONE };
+            let margin = Margin::new(bounds, &Limits::default(), t, 0.0);
+            let spread = margin.spread();
+            let body = Body { normal: unit(bearing), gap_m: gap, share, anywhere, blind };
+            let arc = Arc { start: Pose::new(1.0, -2.0, theta), v_mps: v, omega_radps: 0.3 };
+            let budget = budget_m(gap, 0.3, share);
+            let along = (theta - bearing).cos() * v.signum();
+            let approach = margin.approach(along, gap, blind);
+            let used = v.abs() * approach.forward;
+            let edge = (along.clamp(-1.0, 1.0).acos() + blind.min(1.0).asin()).cos();
+            let near_the_border = (used - budget).abs() < 1e-9 || (edge - spread).abs() * v.abs() * t < 1e-9;
+            prop_assume!(v == 0.0 || anywhere || !near_the_border);
+            let expected = v == 0.0 || used <= budget && !anywhere;
+            prop_assert_eq!(keeps_clear_disturbed(&arc, &body, budget, t, spread), expected, "{} {}", used, budget);
+        }
+
+        /// Just below the largest speed the exact motion passes, and just above it does not.
+        #[test]
+        fn the_largest_speed_is_the_largest_that_passes(
+            theta in -3.1..3.1f64, distance in 0.46..0.9f64, at in -3.1..3.1f64, omega in -1.0..1.0f64,
+            backwards in any::<bool>(),
+        ) {
+            let (law, fleet, near) = pair(theta, distance, at);
+            let of = |v_mps: f64| Command { v_mps, omega_radps: omega };
+            let sign = if backwards { -1.0 } else { 1.0 };
+            let limit = speed_limit_mps(&law, &fleet, 0, &near, of(sign));
+            prop_assert!((0.0..=3.0).contains(&limit));
+            prop_assert!(is_safe(&law, &fleet, 0, &near, of(sign * limit * (1.0 - 1e-9))), "{limit}");
+            if limit < 3.0 {
+                let beyond = of(sign * (limit * (1.0 + 1e-6) + 1e-6));
+                prop_assert!(!is_safe(&law, &fleet, 0, &near, beyond), "{limit}");
+            }
+        }
+    }
+
+    /// Two robots 0.15 m in radius that drive both ways: the first at the origin, the second at `distance_m` in
+    /// the direction `at_rad`.
+    fn pair(theta_rad: f64, distance_m: f64, at_rad: f64) -> (Law, Vec<RobotState>, [Nearby; 1]) {
+        let mut scenario = Scenario::builtin("swap8").unwrap();
+        scenario.robots.truncate(2);
+        (scenario.limits.v_min_mps, scenario.limits.v_max_mps) = (-3.0, 3.0);
+        let config = Config::new(scenario);
+        let mut fleet: Vec<_> = config.scenario.robots.iter().map(RobotState::at_start).collect();
+        let p = unit(at_rad) * distance_m;
+        fleet[0].set_pose(Pose::new(0.0, 0.0, theta_rad));
+        fleet[1].set_pose(Pose::new(p.x, p.y, 0.0));
+        fleet.iter_mut().for_each(|robot| robot.flags |= state_flags::VALID);
+        let mut law = Law::new(&config);
+        law.prepare(&fleet, Timing::default());
+        let near = [Nearby { distance_m, id: fleet[1].id, index: 1 }];
+        (law, fleet, near)
+    }
+
+    #[test]
+    fn half_of_the_way_that_is_left_is_each_robots_own() {
+        // 0.45 m are required; of the 0.2 m beyond it γ / 2 in 80 ms.
+        let (law, fleet, near) = pair(0.0, 0.65, 0.0);
+        let limit = |v_mps: f64| speed_limit_mps(&law, &fleet, 0, &near, Command { v_mps, omega_radps: 0.0 });
+        assert!((limit(1.0) - 0.5 * law.control.gamma * 0.2 / 0.08).abs() < 1e-9, "{}", limit(1.0));
+        // Backwards it drives away, as fast as it may.
+        assert_eq!(limit(-1.0), 3.0);
+    }
+
+    #[test]
+    fn rounding_at_the_border_of_the_disturbed_is_forgiven_and_contact_is_not() {
+        let body = Body { normal: unit(0.0), gap_m: 0.1, share: 1.0, anywhere: false, blind: 0.0 };
+        let arc = |theta_rad, v_mps| Arc { start: Pose::new(0.0, 0.0, theta_rad), v_mps, omega_radps: 0.0 };
+        let passes = |arc: &Arc, body: &Body, budget: f64, spread: f64| {
+            keeps_clear_disturbed(arc, body, budget, 0.1, spread)
+        };
+        // Square to the body, 1 m/s for 0.1 s with half of it to the side.
+        let across = arc(std::f64::consts::FRAC_PI_2, 1.0);
+        assert!(passes(&across, &body, 0.05, 0.5) && !passes(&across, &body, 0.05 - 1e-10, 0.5));
+        // A gap that rounding may have made leaves no way towards the body, however short.
+        let crawl = arc(std::f64::consts::PI, 1e-9);
+        let touching = Body { gap_m: CONTACT_M, ..body };
+        assert!(passes(&crawl, &Body { gap_m: 2.0 * CONTACT_M, ..body }, 1e-9, 0.5));
+        assert!(!passes(&arc(std::f64::consts::PI, 1e-3), &touching, 1e-3, 0.5));
+        // At 60° away just half of the way leads away.
+        let away = arc(std::f64::consts::FRAC_PI_3, 1.0);
+        assert!(passes(&away, &touching, 0.0, 0.5) && !passes(&away, &touching, 0.0, 0.5 + 1e-9));
+        // Where the direction is not known at all, none leads away.
+        let blind = Body { blind: 1.0, ..touching };
+        assert!(!passes(&arc(0.0, 1.0), &blind, 0.0, 0.0) && passes(&arc(0.0, 0.0), &blind, 0.0, 0.0));
     }
 }
