@@ -165,6 +165,8 @@ mod tests {
             let used = v.abs() * if v < 0.0 { approach.backward } else { approach.forward };
             prop_assume!((used - budget).abs() > 1e-9);
             prop_assert_eq!(keeps_clear(&arc, &body, budget, t), used < budget);
+            // What the closed form allows to the last bit is not refused for rounding.
+            prop_assert!(keeps_clear(&arc, &body, used, t));
             let anywhere = Body { anywhere: true, ..body };
             prop_assert_eq!(keeps_clear(&arc, &anywhere, budget, t), v == 0.0);
         }
@@ -228,6 +230,15 @@ mod tests {
         law.prepare(&fleet, Timing::default());
         let near = [Nearby { distance_m, id: fleet[1].id, index: 1 }];
         (law, fleet, near)
+    }
+
+    #[test]
+    fn a_turn_towards_the_body_is_seen_however_it_begins() {
+        // Square to the body, and turned towards it by 0.09 rad on 1.5 m: 0.0675 m.
+        let arc =
+            Arc { start: Pose::new(0.0, 0.0, -std::f64::consts::FRAC_PI_2), v_mps: 5.0, omega_radps: -0.3 };
+        let body = Body { normal: unit(0.0), gap_m: 0.1, share: 1.0, anywhere: false, blind: 0.0 };
+        assert!(keeps_clear(&arc, &body, 0.068, 0.3) && !keeps_clear(&arc, &body, 0.067, 0.3));
     }
 
     #[test]
