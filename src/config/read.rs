@@ -165,6 +165,7 @@ fn realtime(mut s: Section<'_>, mut r: RealTimeConfig) -> RealTime {
         "the usable ones from the last backwards",
     );
     s.set_flag("lock_memory", &mut r.lock_memory);
+    s.set_flag("stay_awake", &mut r.stay_awake);
     let wakeup = s.set_choice("wakeup", &mut r.wakeup);
     s.finish();
     RealTime { value: r, policy, wakeup }

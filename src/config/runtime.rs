@@ -99,6 +99,8 @@ pub struct RealTimeConfig {
     pub worker_cpus: Vec<usize>,
     /// Lock all memory, present and future.
     pub lock_memory: bool,
+    /// Keep the CPUs out of idle states that take time to leave.
+    pub stay_awake: bool,
     /// How the loop and the workers wait for each other.
     pub wakeup: Wakeup,
 }
@@ -111,6 +113,7 @@ impl Default for RealTimeConfig {
             loop_cpu: None,
             worker_cpus: Vec::new(),
             lock_memory: true,
+            stay_awake: true,
             wakeup: Wakeup::default(),
         }
     }

@@ -5,9 +5,11 @@
 //! scheduling call was refused must never print its figures as if it had been granted. Every
 //! refusal names what to change. Used at start-up only; it allocates and formats.
 
+mod awake;
 mod memory;
 mod scheduler;
 
+pub use awake::{Awake, stay_awake};
 pub use memory::{lock_memory, prefault_stack};
 pub use scheduler::{Role, ThreadGrant, enter, usable_cpus};
 
@@ -26,13 +28,22 @@ pub struct Achieved {
     pub cpus: Vec<Option<usize>>,
     /// Whether all memory, present and future, is locked.
     pub memory_locked: bool,
+    /// Whether the CPUs are kept out of idle states that take time to leave.
+    pub awake: bool,
     /// What was asked for and refused, why, and what to do about it.
     pub degraded: Vec<String>,
 }
 
 impl Default for Achieved {
     fn default() -> Self {
-        Self { policy: "other", priority: 0, cpus: Vec::new(), memory_locked: false, degraded: Vec::new() }
+        Self {
+            policy: "other",
+            priority: 0,
+            cpus: Vec::new(),
+            memory_locked: false,
+            awake: false,
+            degraded: Vec::new(),
+        }
     }
 }
 
@@ -57,6 +68,16 @@ impl Achieved {
             Ok(locked) => self.memory_locked = locked,
             Err(refused) => self.degraded.push(refused),
         }
+    }
+
+    /// Takes the outcome of [`stay_awake`]; what is to be held as long as the threads run.
+    pub fn add_awake(&mut self, outcome: Result<Option<Awake>, String>) -> Option<Awake> {
+        let held = outcome.unwrap_or_else(|refused| {
+            self.degraded.push(refused);
+            None
+        });
+        self.awake = held.is_some();
+        held
     }
 
     /// Whether the run may go on under `policy`.
@@ -147,6 +168,7 @@ mod tests {
     fn a_refusal_fails_require_and_is_kept() {
         let mut achieved = Achieved::default();
         achieved.add_memory(Err("memory".into()));
+        assert!(achieved.add_awake(Err("idle".into())).is_none() && !achieved.awake);
         achieved.add_thread(ThreadGrant {
             policy: "fifo",
             priority: 9,
@@ -155,7 +177,7 @@ mod tests {
             refused: vec!["x".into()],
         });
         assert_eq!((achieved.policy, achieved.priority), ("fifo", 9));
-        assert_eq!(achieved.degraded, ["memory", "x"]);
+        assert_eq!(achieved.degraded, ["memory", "idle", "x"]);
         assert!(achieved.satisfies(RealTimePolicy::Prefer));
         assert!(!achieved.satisfies(RealTimePolicy::Require));
     }

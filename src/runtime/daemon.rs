@@ -24,7 +24,7 @@ use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock, SlowedClock};
 use crate::config::{Config, SolverKind};
 use crate::controller::{ControllerError, RobotGroup, Robots, RouteShelf, rows_max};
-use crate::realtime::{Achieved, Placement, lock_memory, usable_cpus};
+use crate::realtime::{Achieved, Awake, Placement, lock_memory, stay_awake, usable_cpus};
 use crate::report::Report;
 use crate::solver::ClarabelSolver;
 use crate::source::StateSource;
@@ -80,6 +80,7 @@ pub struct Daemon {
     admin: Option<JoinHandle<()>>,
     /// Dropped last: what the others still change is kept as well.
     keeper: Option<Keeper>,
+    _awake: Option<Awake>,
 }
 
 impl Daemon {
@@ -192,6 +193,7 @@ impl Daemon {
     {
         let mut realtime = Achieved::default();
         realtime.add_memory(lock_memory(&config.realtime));
+        let awake = realtime.add_awake(stay_awake(&config.realtime));
         let robots = config.scenario.robots.len();
         let places = config.places();
         let placement = Placement::new(&config.realtime, config.timing.workers, robots, &usable_cpus());
@@ -225,6 +227,7 @@ impl Daemon {
             housekeeping: None,
             admin: None,
             keeper: None,
+            _awake: awake,
         };
         daemon.spawn_all(&common, journal, until, &placement, auditor, make)?;
         Ok(daemon)

@@ -2,7 +2,6 @@
 
 mod arguments;
 mod display;
-mod signals;
 mod simulation;
 mod trajectory;
 
@@ -13,6 +12,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use clearway::robots::Report;
+use clearway_signals::{Again, Stop};
 use miette::{IntoDiagnostic, WrapErr, miette};
 
 use arguments::Arguments;
@@ -48,7 +48,7 @@ fn main() -> ExitCode {
     let run = || -> Result<Report, Failure> {
         // Files are opened first: a run of hours must not end with a misspelt path.
         let mut report_file = arguments.report.as_deref().map(create).transpose()?;
-        let stop = signals::stop_flag().into_diagnostic().wrap_err("signals cannot be handled")?;
+        let stop = Stop::listen(Again::Ends).into_diagnostic().wrap_err("signals cannot be handled")?;
         let report = Simulation::new(&arguments, config, own)?.run(&stop, &mut display)?;
         if let Some((file, path)) = report_file.as_mut().zip(arguments.report.as_deref()) {
             write(file, path, &report)?;

@@ -9,11 +9,11 @@ use clearway::realtime::{Role, Seat, enter};
 use clearway::robots::{Outgoing, RemoteRobots, Report};
 use clearway::scenario::Scenario;
 use clearway::wire::{RobotCommand, RobotState};
+use clearway_signals::Stop;
 use miette::miette;
 
 use crate::arguments::Arguments;
 use crate::display::{Display, line};
-use crate::signals::StopFlag;
 use crate::trajectory::Trajectory;
 
 /// Between two looks for a daemon.
@@ -78,7 +78,7 @@ impl<'a> Simulation<'a> {
     }
 
     /// Runs until it is asked to end.
-    pub(crate) fn run(mut self, stop: &StopFlag, display: &mut Display) -> Result<Report, Failure> {
+    pub(crate) fn run(mut self, stop: &Stop, display: &mut Display) -> Result<Report, Failure> {
         let (scenario, fleet) = (&self.own.name, &self.config.fleet);
         display.say(&format!("clearway-plant  {scenario}: {} robots, fleet {fleet:?}", self.ids.len()));
         self.enter(display);
@@ -91,8 +91,8 @@ impl<'a> Simulation<'a> {
         Ok(self.robots.report())
     }
 
-    fn over(&self, stop: &StopFlag) -> bool {
-        stop.is_set() || self.end.is_some_and(|end| Instant::now() >= end)
+    fn over(&self, stop: &Stop) -> bool {
+        stop.is_asked() || self.end.is_some_and(|end| Instant::now() >= end)
     }
 
     fn enter(&self, display: &Display) {
@@ -109,7 +109,7 @@ impl<'a> Simulation<'a> {
     }
 
     /// Waits for a daemon that listens to observations; `None`: it was asked to end before.
-    fn attach(&self, stop: &StopFlag, display: &mut Display) -> Result<Option<Ports>, Failure> {
+    fn attach(&self, stop: &Stop, display: &mut Display) -> Result<Option<Ports>, Failure> {
         let mut daemon_since = None;
         while !self.over(stop) {
             match self.ports() {
@@ -148,7 +148,7 @@ impl<'a> Simulation<'a> {
         Ok(Ports { commands, states, observations, _client: client })
     }
 
-    fn drive(&mut self, ports: &mut Ports, stop: &StopFlag, display: &mut Display) -> Result<(), Failure> {
+    fn drive(&mut self, ports: &mut Ports, stop: &Stop, display: &mut Display) -> Result<(), Failure> {
         let clock = MonotonicClock;
         let period_ns = self.config.timing.period_ns;
         let look_ns = (period_ns / LOOKS_PER_PERIOD).clamp(100_000, 5_000_000);

@@ -2,7 +2,6 @@
 
 mod arguments;
 mod display;
-mod signals;
 mod summary;
 
 use std::io::IsTerminal;
@@ -14,6 +13,7 @@ use clearway::channel::ChannelError;
 use clearway::config::Config;
 use clearway::report::Report;
 use clearway::runtime::{Daemon, DaemonError, JournalError, Supervisor, Until};
+use clearway_signals::{Again, Stop};
 use miette::{IntoDiagnostic, WrapErr};
 
 use arguments::Arguments;
@@ -81,7 +81,8 @@ fn fail(error: &miette::Report, exit: Exit) -> ExitCode {
 fn run(arguments: &Arguments, config: Config) -> Result<Report, Failure> {
     // The report's file is opened first: a run of hours must not end with a misspelt path.
     let mut report_file = arguments.open_report()?;
-    let stop = signals::stop_flag().into_diagnostic().wrap_err("signals cannot be handled")?;
+    // A second signal ends the process at once, and the robots stop when their commands expire.
+    let stop = Stop::listen(Again::Ends).into_diagnostic().wrap_err("signals cannot be handled")?;
     let mut display = Display::new(arguments, &config, std::io::stderr().is_terminal());
     display.start_logging(arguments);
 
@@ -94,7 +95,7 @@ fn run(arguments: &Arguments, config: Config) -> Result<Report, Failure> {
     let daemon = Daemon::start_supervised(config, until, supervisor)?;
     display.started(daemon.realtime(), daemon.journal());
     while !daemon.is_finished() {
-        if stop.is_set() {
+        if stop.is_asked() {
             daemon.stop();
         }
         display.update(&daemon.progress());

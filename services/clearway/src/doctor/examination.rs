@@ -33,6 +33,8 @@ pub(super) struct Live {
     pub(super) fifo: Result<(), String>,
     /// Bytes in `/dev/shm`: free, all.
     pub(super) shared_memory: Option<(u64, u64)>,
+    /// Whether CPUs may be kept out of idle states.
+    pub(super) may_stay_awake: bool,
     /// Step of the timers, ns.
     pub(super) timer_step_ns: u64,
     /// Who is attached; or why that could not be found out.
@@ -53,6 +55,8 @@ impl Examination {
             shared_memory: rustix::fs::statvfs("/dev/shm")
                 .ok()
                 .map(|s| (s.f_bavail.saturating_mul(s.f_frsize), s.f_blocks.saturating_mul(s.f_frsize))),
+            // Opened and not written to it asks for nothing.
+            may_stay_awake: std::fs::OpenOptions::new().write(true).open("/dev/cpu_dma_latency").is_ok(),
             timer_step_ns: timer_step_ns(),
             census: transport.as_ref().map_err(ToString::to_string).and_then(|transport| {
                 // Before anybody has ever attached there is no directory to look into.

@@ -105,14 +105,27 @@ fn idle_states(e: &Examination) -> Finding {
     }
     match deepest {
         None => Finding::ok(NAME, "none that this system chooses"),
+        Some((us, name)) if us > WAKE_UP_MAX_US && keeps_awake(e) => {
+            Finding::ok(NAME, format!("{name} takes {us} µs to leave; a daemon keeps the CPUs out of it"))
+        }
         Some((us, name)) if us > WAKE_UP_MAX_US => Finding::warn(
             NAME,
             format!("{name} takes {us} µs to leave"),
             "A CPU that sleeps deeply between releases wakes that much later.",
-            format!("cpupower idle-set -D {WAKE_UP_MAX_US}, or tuned's latency-performance profile"),
+            format!(
+                "write access to /dev/cpu_dma_latency for the daemon (udev: KERNEL==\"cpu_dma_latency\", \
+                 GROUP=\"realtime\", MODE=\"0660\"), cpupower idle-set -D {WAKE_UP_MAX_US}, or tuned's \
+                 latency-performance profile"
+            ),
         ),
         Some((us, name)) => Finding::ok(NAME, format!("the deepest, {name}, takes {us} µs to leave")),
     }
+}
+
+/// Whether the daemon will hold `/dev/cpu_dma_latency`.
+fn keeps_awake(e: &Examination) -> bool {
+    let asks = e.config.as_ref().is_none_or(|config| config.realtime.stay_awake);
+    asks && e.live.as_ref().is_some_and(|live| live.may_stay_awake)
 }
 
 fn siblings(e: &Examination) -> Option<Finding> {

@@ -87,6 +87,7 @@ fn live() -> Live {
     Live {
         fifo: Ok(()),
         shared_memory: Some((8 << 30, 8 << 30)),
+        may_stay_awake: true,
         timer_step_ns: 1,
         census: Ok(Census { alive: 2, ..Census::default() }),
     }
@@ -95,6 +96,20 @@ fn live() -> Live {
 /// A configuration, given by lines of TOML behind its scenario.
 fn config(lines: &str) -> Config {
     Config::parse(&format!("schema = 1\nscenario = \"swap8\"\n{lines}"), "fleet.toml").unwrap()
+}
+
+#[test]
+fn an_idle_state_that_the_daemon_keeps_cpus_out_of_is_no_trouble() {
+    let tree = Tree::good();
+    tree.write("sys/devices/system/cpu/cpu0/cpuidle/state1/latency", "170\n");
+    let status = |lines: &str, may_stay_awake| {
+        let mut e = tree.examination(Some(config(lines)));
+        e.live = Some(Live { may_stay_awake, ..live() });
+        finding(&Diagnosis::of(&e), "idle_states").status
+    };
+    assert_eq!(status("", true), Status::Ok);
+    assert_eq!(status("", false), Status::Warn);
+    assert_eq!(status("[realtime]\nstay_awake = false", true), Status::Warn);
 }
 
 #[test]

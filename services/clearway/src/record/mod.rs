@@ -5,11 +5,10 @@ mod display;
 use clap::ValueEnum;
 use clearway::config::ChannelConfig;
 use clearway_record::{Compression, Options, RecordError, Recorder, Status};
+use clearway_signals::{Again, Stop};
 use display::Display;
 use miette::{IntoDiagnostic, WrapErr};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Record a fleet's states, commands and telemetry into an MCAP file.
@@ -187,13 +186,9 @@ const FAILED: u8 = 5;
 
 /// Records until it is stopped; the exit status.
 pub(crate) fn run(args: &Args) -> miette::Result<u8> {
-    let stop = Arc::new(AtomicBool::new(false));
     // A closed terminal too: the file is finished, and the ports are given back.
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .into_diagnostic()
-            .wrap_err("signals cannot be handled")?;
-    }
+    let stop =
+        Stop::listen_to_terminal(Again::Waits).into_diagnostic().wrap_err("signals cannot be handled")?;
     let channel = ChannelConfig::default().with_environment();
     let recorder = match Recorder::start(&args.fleet, &channel, &args.options()) {
         Ok(recorder) => recorder,
@@ -201,7 +196,7 @@ pub(crate) fn run(args: &Args) -> miette::Result<u8> {
     };
     let mut display = Display::new(&args.out);
     while !recorder.is_finished() {
-        if stop.load(Ordering::Relaxed) {
+        if stop.is_asked() {
             recorder.stop();
         }
         for notice in recorder.notices() {

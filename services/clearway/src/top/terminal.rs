@@ -4,11 +4,10 @@ use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rustix::process::{Signal, getpid, kill_process};
 use std::io;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clearway::clock::{Clock, MonotonicClock};
+use clearway_signals::{Again, Stop};
 
 use super::asker::Asker;
 use super::draw::{self, Look};
@@ -71,15 +70,12 @@ pub(crate) fn run(
     look: Look,
     redraw_every: Duration,
 ) -> io::Result<()> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))?;
-    }
+    let stop = Stop::listen_to_terminal(Again::Waits)?;
     let mut terminal = ratatui::try_init()?;
     let _restore = Restore;
     let mut view = View::default();
     let mut drawn: Option<Instant> = None;
-    while !stop.load(Ordering::Relaxed) {
+    while !stop.is_asked() {
         feed.poll(model);
         asker.poll(model);
         if drawn.is_none_or(|at| at.elapsed() >= redraw_every) {

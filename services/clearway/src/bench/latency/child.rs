@@ -6,13 +6,12 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child as Process, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clearway::channel::Transport;
 use clearway::config::ChannelConfig;
 use clearway::figures::LatencyHistogram;
+use clearway_signals::Stop;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -165,12 +164,8 @@ pub(crate) struct ProcessArgs {
 /// What a child runs.
 pub(crate) fn run(args: &ProcessArgs) -> Result<()> {
     let task: Task = serde_json::from_str(&args.task).into_diagnostic()?;
-    // Ctrl-C goes to every process of a terminal; this one's end is its parent's decision.
-    let ignored = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(signal_hook::consts::SIGINT, ignored).into_diagnostic()?;
-    let over = Arc::new(AtomicBool::new(false));
+    let over = Stop::listen_to_parent().into_diagnostic()?;
     watch(&over, Duration::from_secs(task.limit_s));
-    signal_hook::flag::register(signal_hook::consts::SIGTERM, Arc::clone(&over)).into_diagnostic()?;
     let over = Interrupt::by(over);
     let findings = match &task.role {
         Role::Echo => transfer::echo_process(&task, &over)?,
@@ -191,16 +186,16 @@ fn say(line: &impl Serialize) -> Result<()> {
 }
 
 /// Sets `over` when standard input closes, and at the limit.
-fn watch(over: &Arc<AtomicBool>, limit: Duration) {
-    let closed = Arc::clone(over);
+fn watch(over: &Stop, limit: Duration) {
+    let closed = over.clone();
     std::thread::spawn(move || {
         let mut rest = Vec::new();
         let _ = std::io::stdin().read_to_end(&mut rest);
-        closed.store(true, Ordering::Relaxed);
+        closed.ask();
     });
-    let late = Arc::clone(over);
+    let late = over.clone();
     std::thread::spawn(move || {
         std::thread::sleep(limit);
-        late.store(true, Ordering::Relaxed);
+        late.ask();
     });
 }

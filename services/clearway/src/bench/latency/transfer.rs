@@ -7,6 +7,7 @@ use clearway::clock::{Clock, MonotonicClock};
 use clearway::figures::LatencyHistogram;
 use clearway::realtime::ThreadGrant;
 use clearway::wire::{RobotCommand, RobotState};
+use clearway_signals::Stop;
 use miette::{IntoDiagnostic, Result, miette};
 
 use super::child::{Child, Findings, Role, Task, say_ready};
@@ -55,12 +56,12 @@ pub(super) fn to_thread(
     samples: u64,
     interrupt: &Interrupt,
 ) -> Result<Transfers> {
-    let over = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let over = Stop::default();
     let task = Task::new(world, Role::Echo, seats.other, below(priority), Duration::ZERO);
     let transport = task.transport(TRANSFER_FLEET)?;
     let near = transport.clone();
     let (ready, readiness) = std::sync::mpsc::sync_channel(1);
-    let (other, flag) = (seats.other, Interrupt::by(std::sync::Arc::clone(&over)));
+    let (other, flag) = (seats.other, Interrupt::by(over.clone()));
     let echo = std::thread::spawn(move || {
         let ends = Far::attach(&transport, "bench-echo");
         let refused = enter_real_time(below(priority), other).refused;
@@ -69,7 +70,7 @@ pub(super) fn to_thread(
     });
     readiness.recv().into_diagnostic()?;
     let result = in_thread(near, priority, seats.own, samples, interrupt);
-    over.store(true, std::sync::atomic::Ordering::Relaxed);
+    over.ask();
     let (state, refused) = echo.join().map_err(|_| miette!("the answering thread panicked"))??;
     let (command, lost, mut grant) = result?;
     grant.refused.extend(refused);

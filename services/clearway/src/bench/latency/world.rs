@@ -2,14 +2,11 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clearway::config::ChannelConfig;
+use clearway_signals::{Again, Stop};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 const NAME: &str = "clearway_bench_";
@@ -88,29 +85,20 @@ fn entries(directory: &Path, prefix: &str) -> Vec<PathBuf> {
 /// Set by the first SIGINT or SIGTERM, so that everything that was started is ended; a second one ends
 /// this process at once, and what it started follows when its standard input closes.
 #[derive(Debug, Clone)]
-pub(super) struct Interrupt(Arc<AtomicBool>);
-
-/// Exit status after a second signal, as shells report a death by SIGINT.
-const IMPATIENT: i32 = 130;
+pub(super) struct Interrupt(Stop);
 
 impl Interrupt {
     pub(super) fn listen() -> Result<Self> {
-        let set = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            // In this order: the first signal finds the flag unset.
-            flag::register_conditional_shutdown(signal, IMPATIENT, Arc::clone(&set)).into_diagnostic()?;
-            flag::register(signal, Arc::clone(&set)).into_diagnostic()?;
-        }
-        Ok(Self(set))
+        Stop::listen(Again::Ends).map(Self).into_diagnostic()
     }
 
     /// A flag that another part of the program sets.
-    pub(super) fn by(flag: Arc<AtomicBool>) -> Self {
-        Self(flag)
+    pub(super) fn by(stop: Stop) -> Self {
+        Self(stop)
     }
 
     pub(super) fn is_set(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.0.is_asked()
     }
 
     /// An error once it is set.
