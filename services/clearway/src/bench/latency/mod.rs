@@ -21,7 +21,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 use clap::builder::RangedU64ValueParser;
 use clearway::config::{PublishAt, Wakeup};
-use clearway::realtime::{Achieved, lock_memory};
+use clearway::realtime::{Achieved, Awake, lock_memory, stay_awake};
 use indicatif::ProgressBar;
 use miette::{Result, miette};
 
@@ -113,6 +113,8 @@ struct Bench<'a> {
     world: World,
     interrupt: Interrupt,
     _turn: Turn,
+    /// As for a daemon, while anything is measured.
+    _awake: Option<Awake>,
     realtime: Achieved,
     bar: ProgressBar,
 }
@@ -171,7 +173,9 @@ impl<'a> Bench<'a> {
         let loads = if args.load.is_empty() { Load::ALL.to_vec() } else { args.load.clone() };
         let mut realtime = Achieved::default();
         // Before any thread starts, and before anything is measured.
-        realtime.add_memory(lock_memory(&plan::asked(args.priority, args.wakeup)));
+        let asked = plan::asked(args.priority, args.wakeup);
+        realtime.add_memory(lock_memory(&asked));
+        let awake = realtime.add_awake(stay_awake(&asked));
         let seats = Seats::new(args.cpu, args.reader_cpu)?;
         let (priority, cpu) = (args.priority, seats.own);
         // A try, so that what is refused is known before a minute is spent.
@@ -198,6 +202,7 @@ impl<'a> Bench<'a> {
             world: World::new()?,
             interrupt,
             _turn: turn,
+            _awake: awake,
             realtime,
         })
     }
