@@ -1,6 +1,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::sync::Arc;
+use std::time::Duration;
 
 use iceoryx2::node::{DeadNodeView, NodeCleanupFailure, NodeDetails, NodeView};
 use iceoryx2::port::publisher::PublisherCreateError;
@@ -36,6 +37,10 @@ const SAMPLE_OVERHEAD_BYTES: usize = 64;
 const MANAGEMENT_BYTES: usize = 2 << 20;
 /// What one more process takes to join: its node, its ports, and the writers' connections to them.
 const JOIN_BYTES: u64 = 128 << 10;
+
+/// How often the daemon looks for a moment in which it can mend its channels.
+const MEND_LOOKS: u32 = 50;
+const MEND_EVERY: Duration = Duration::from_millis(7);
 
 fn sample_bytes<R: Record>(robots: usize) -> usize {
     robots * size_of::<R>() + size_of::<R::Header>()
@@ -119,6 +124,29 @@ impl Transport {
             + admin::server_bytes(admin_clients)
             + MANAGEMENT_BYTES;
         u64::try_from(needed).unwrap_or(u64::MAX)
+    }
+
+    /// Looks whether the channels can be used as they are. Where they cannot, because shared memory was
+    /// damaged or is of another version, and nobody lives who uses them, removes all of them: they are made
+    /// anew. Returns how many files it removed. For the daemon, before it starts.
+    pub fn mend(&self) -> usize {
+        for _ in 0..MEND_LOOKS {
+            // iceoryx2 waits for ever for a file to be filled whose maker is gone.
+            if room::has_empty(&self.settings.prefix) {
+                let removed = remains::remove_all(&self.iceoryx);
+                if removed > 0 {
+                    return removed;
+                }
+            }
+            let sound = self.join("clearwayd-look", &self.iceoryx).is_ok_and(|node| node.is_sound());
+            let removed = if sound { 0 } else { remains::remove_all(&self.iceoryx) };
+            if sound || removed > 0 {
+                return removed;
+            }
+            // Whoever waits for a daemon is there for a moment, again and again.
+            std::thread::sleep(MEND_EVERY);
+        }
+        0
     }
 
     /// Gives every file of these channels the memory that it promises, whatever else fills up later.
@@ -389,6 +417,19 @@ impl SharedNode {
             done.removed += remains::remove_unborn(iceoryx, &known);
         }
         done
+    }
+
+    /// Whether every channel that exists can be opened.
+    fn is_sound(&self) -> bool {
+        fn usable<T>(opened: Result<T, ChannelError>) -> bool {
+            matches!(opened, Ok(_) | Err(ChannelError::NoDaemon { .. }))
+        }
+        usable(self.open::<RobotState>())
+            && usable(self.open::<RobotCommand>())
+            && usable(self.open::<RobotTelemetry>())
+            && usable(self.open::<RobotCheckpoint>())
+            && usable(self.open::<RobotObservation>())
+            && usable(self.open_admin())
     }
 
     /// Attaches to `admin` as the fleet's server, with room for `max_clients`. Makes the

@@ -8,6 +8,8 @@ use std::time::Duration;
 
 use iceoryx2::prelude::Config;
 
+use super::room::SHARED_MEMORY;
+
 /// Files that iceoryx2 is still writing; it never shows them to anybody. What they would announce is
 /// made after them, so it does not exist yet.
 const UNFINISHED: u32 = 0o600;
@@ -70,6 +72,40 @@ fn remove_node(iceoryx: &Config, node: u128, path: &Path) -> bool {
         let _ = fs::remove_file(folder(iceoryx).join(format!("{monitor}{suffix}")));
     }
     fs::remove_dir(path).is_ok()
+}
+
+/// Removes every file of our prefix, unless a process lives that made one of them. Returns how many; none
+/// when somebody lives.
+pub(super) fn remove_all(iceoryx: &Config) -> usize {
+    let prefix = iceoryx.global.prefix.to_string();
+    let nodes = folder(iceoryx);
+    let listed = |folder: &Path| -> Vec<PathBuf> {
+        fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
+    };
+    let name =
+        |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let ours = |path: &PathBuf| name(path).starts_with(&prefix);
+    // In this order: what somebody makes who joins from now on is not in these lists.
+    let services = PathBuf::from(iceoryx.global.service_dir().to_string());
+    let mut files: Vec<PathBuf> =
+        [Path::new(SHARED_MEMORY), &services, &nodes].into_iter().flat_map(listed).filter(ours).collect();
+    let mut folders = Vec::new();
+    for node in listed(&nodes) {
+        let inside = listed(&node);
+        let Ok(id) = name(&node).parse::<u128>() else { continue };
+        if !inside.is_empty() && !inside.iter().any(ours) {
+            continue;
+        }
+        if is_alive(id) {
+            return 0;
+        }
+        files.extend(inside.into_iter().filter(ours));
+        folders.push(node);
+    }
+    let removed = files.iter().filter(|file| fs::remove_file(file).is_ok()).count();
+    // One that still holds anything stays.
+    folders.iter().for_each(|folder| _ = fs::remove_dir(folder));
+    removed
 }
 
 fn is_old(path: &Path) -> bool {
@@ -155,6 +191,36 @@ mod tests {
                 fs::remove_file(entry.path()).unwrap();
             }
         }
+    }
+
+    #[test]
+    fn everything_goes_when_nobody_lives_and_nothing_before() {
+        let (settings, transport) = transport("everything");
+        let node = transport.attach("test").unwrap();
+        let states = node.writer::<crate::wire::RobotState>(2).unwrap();
+        let (nodes, dead) = (settings.root.join("nodes"), id(u32::MAX, 1));
+        fs::create_dir_all(nodes.join(dead.to_string())).unwrap();
+        let ours = nodes.join(dead.to_string()).join(format!("{}node.details", settings.prefix));
+        write(&ours, 0o600, false);
+        let shared = Path::new(SHARED_MEMORY).join(format!("{}left.data", settings.prefix));
+        write(&shared, 0o600, false);
+        assert_eq!(remove_all(&transport.iceoryx), 0);
+        assert!(ours.exists() && shared.exists());
+
+        // The same files as if another process had made them, which is no more.
+        let alive = fs::read_dir(&nodes)
+            .unwrap()
+            .flatten()
+            .find(|e| e.file_name().to_str().and_then(|name| name.parse().ok()).is_some_and(is_alive));
+        let foreign = settings.root.join("foreign");
+        write(&foreign, 0o600, false);
+        fs::rename(alive.unwrap().path(), nodes.join(id(u32::MAX, 2).to_string())).unwrap();
+        assert!(remove_all(&transport.iceoryx) > 5);
+        assert!(!ours.exists() && !shared.exists() && foreign.exists());
+        assert_eq!(fs::read_dir(&nodes).unwrap().count(), 0);
+        assert_eq!(remove_all(&transport.iceoryx), 0);
+        std::mem::forget((states, node));
+        fs::remove_dir_all(&settings.root).unwrap();
     }
 
     #[test]

@@ -1,5 +1,8 @@
 //! Shared memory as a file system that can fill up.
 
+use std::fs::DirEntry;
+use std::path::PathBuf;
+
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open, statvfs};
 use rustix::io::Errno;
 
@@ -17,9 +20,7 @@ pub(super) fn free_bytes() -> Option<u64> {
 /// # Errors
 /// [`Errno::NOSPC`] when there is less than what they promise.
 pub(super) fn reserve(prefix: &str) -> Result<(), Errno> {
-    let Ok(entries) = std::fs::read_dir(SHARED_MEMORY) else { return Ok(()) };
-    let ours = entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix));
-    for path in ours.map(|entry| entry.path()) {
+    for path in files(prefix) {
         let Ok(file) = open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()) else { continue };
         let length = fstat(&file).map_or(0, |stat| stat.st_size.unsigned_abs());
         if length > 0 && fallocate(&file, FallocateFlags::KEEP_SIZE, 0, length) == Err(Errno::NOSPC) {
@@ -27,6 +28,17 @@ pub(super) fn reserve(prefix: &str) -> Result<(), Errno> {
         }
     }
     Ok(())
+}
+
+/// Whether a file whose name begins with `prefix` has no length: it is being made, or was truncated.
+pub(super) fn has_empty(prefix: &str) -> bool {
+    files(prefix).any(|path| path.metadata().is_ok_and(|found| found.is_file() && found.len() == 0))
+}
+
+fn files(prefix: &str) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    let ours = move |entry: &DirEntry| entry.file_name().to_string_lossy().starts_with(prefix);
+    entries.filter(ours).map(|entry| entry.path())
 }
 
 #[cfg(test)]
@@ -38,7 +50,9 @@ mod tests {
         let prefix = format!("cw_room_{}_", std::process::id());
         let path = format!("{SHARED_MEMORY}/{prefix}file");
         let file = std::fs::File::create(&path).unwrap();
+        assert!(has_empty(&prefix) && !has_empty(&format!("{prefix}other")));
         file.set_len(1 << 20).unwrap();
+        assert!(!has_empty(&prefix));
         let kib = || fstat(&file).unwrap().st_blocks / 2;
         assert_eq!(kib(), 0);
         reserve(&format!("{prefix}other")).unwrap();

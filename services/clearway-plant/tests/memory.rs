@@ -1,14 +1,22 @@
-//! Shared memory that is full, and that fills up.
+//! Shared memory that is full, that fills up, and that somebody destroys.
 
 mod support;
 
 use std::path::Path;
 
+use clearway::channel::{Member, Transport};
+use clearway::clock::{Clock, MonotonicClock};
+use clearway::robots::MotionRecord;
+use clearway::scenario::Scenario;
 use support::sandbox::{beside, small_shared_memory};
-use support::{Process, World, daemon_command, plant_command, report, text, until, until_driven};
+use support::{
+    Process, World, clearance, daemon_command, file, moves, plant_command, report, text, trajectory, until,
+    until_driven,
+};
 
 /// Enough for the channels of eight robots, and little more.
 const ENOUGH: &str = "32m";
+const PERIOD_NS: u64 = 80_000_000;
 
 #[test]
 fn a_daemon_without_room_for_its_channels_says_so_and_does_not_start() {
@@ -70,4 +78,94 @@ fn a_fleet_goes_on_when_shared_memory_fills_up_and_nobody_else_can_join() {
 fn entries(shared: &str, world: &World) -> usize {
     let Ok(entries) = std::fs::read_dir(shared) else { return 0 };
     entries.flatten().filter(|e| e.file_name().to_string_lossy().starts_with(&world.channel.prefix)).count()
+}
+
+/// What somebody does to a file who may write it.
+#[derive(Debug, Clone, Copy)]
+enum Damage {
+    Noise,
+    Zeros,
+    Truncated,
+}
+
+fn damage(path: &Path, damage: Damage) {
+    let Ok(file) = std::fs::OpenOptions::new().write(true).open(path) else { return };
+    let length = usize::try_from(file.metadata().unwrap().len()).unwrap();
+    let mut noise = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut bytes = vec![0_u8; length];
+    match damage {
+        Damage::Truncated => return file.set_len(0).unwrap(),
+        Damage::Zeros => {}
+        Damage::Noise => bytes.iter_mut().for_each(|byte| {
+            noise ^= noise << 13;
+            noise ^= noise >> 7;
+            noise ^= noise << 17;
+            *byte = noise.to_le_bytes()[3];
+        }),
+    }
+    // What disappears meanwhile is no loss.
+    let _ = std::os::unix::fs::FileExt::write_all_at(&file, &bytes, 0);
+}
+
+/// A daemon and its robots, whose shared memory is damaged on the way. Whatever happens to either: nobody moves
+/// by a command that has expired, and a new start works.
+fn survives(kind: &str, how: Damage) {
+    let world = World::new("damaged");
+    let endless = file(&world, "fleet.toml", "schema = 1\nscenario = \"swap8\"\n");
+    let mut control = Process::start(daemon_command(&world, &["--config", &endless]));
+    let mut robots = Process::start(plant_command(&world, "all", &[]));
+    until_driven(&world, "all", 0, 1.0);
+    for path in world.files().iter().filter(|path| path.to_string_lossy().ends_with(kind)) {
+        damage(path, how);
+    }
+    // Ten periods with it, as far as they come.
+    std::thread::sleep(std::time::Duration::from_nanos(10 * PERIOD_NS));
+    control.end();
+    let ended_ns = MonotonicClock.now_ns();
+    let newest = || trajectory(&world, "all").iter().map(|record| record.to_ns).max();
+    until(|| {
+        let gone = robots.0.try_wait().unwrap().is_some();
+        (gone || newest() > Some(ended_ns + 5 * PERIOD_NS)).then_some(())
+    });
+    robots.end();
+    let records = trajectory(&world, "all");
+    // The last command may have gone out just before the end, to act in the next period.
+    let last_ns = records.iter().filter(|r| moves(r)).map(|r| r.to_ns).max();
+    assert!(last_ns <= Some(ended_ns + 2 * PERIOD_NS), "{kind} {how:?}: {last_ns:?} {ended_ns}");
+    assert_apart(&records, &format!("{kind} {how:?}"));
+
+    // The next daemon finds what is left, and its robots go on when it is there.
+    let control = Process::start(daemon_command(&world, &["--report", "daemon.json"]));
+    let transport = Transport::new("default", &world.channel).unwrap();
+    let own =
+        |member: &Member| member.role == "clearwayd" && member.process.cast_unsigned() == control.0.id();
+    until(|| transport.members().ok()?.iter().find(|member| own(member)).map(|_| ()));
+    let robots = Process::start(plant_command(&world, "next", &["--once"]));
+    let run = control.output();
+    assert_eq!(run.status.code(), Some(0), "{kind} {how:?}: {}", text(&run.stderr));
+    robots.succeed();
+    assert_eq!(report(&world, "next")["arrived"].as_u64(), Some(8));
+    if kind == ".connection" {
+        // A queue that nobody can read any more stays, with what it belonged to.
+        for path in world.files() {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+fn assert_apart(records: &[MotionRecord], context: &str) {
+    let (clearance_m, violations) = clearance(&Scenario::builtin("swap8").unwrap(), records);
+    assert_eq!(violations, 0, "{context}: {clearance_m} m");
+}
+
+#[test]
+fn damaged_shared_memory_moves_no_robot_and_does_not_outlive_a_restart() {
+    // The kinds of files that iceoryx2 makes: samples, queues, who is attached, and its own.
+    let kinds = [".data", ".connection", ".dynamic", ".global_mgmt"];
+    let damages = [Damage::Noise, Damage::Zeros, Damage::Truncated];
+    std::thread::scope(|scope| {
+        for (kind, how) in kinds.iter().flat_map(|kind| damages.map(|how| (kind, how))) {
+            scope.spawn(move || survives(kind, how));
+        }
+    });
 }
