@@ -53,6 +53,7 @@
 //! | the loop, the workers and what keeps house | [`runtime`] |
 //! | how other processes read along and give orders | [`attach`] |
 //! | robots in a process of their own | [`robots`] |
+//! | all of it with faults, by seeds | [`simulation`] |
 
 // For `.ci/realtime-sanitizer` only: what is marked must not allocate, lock or block.
 #![cfg_attr(clearway_rtsan, feature(sanitize))]
@@ -87,6 +88,7 @@ pub mod robots;
 pub mod runtime;
 pub mod scenario;
 pub mod schedule;
+pub mod simulation;
 pub mod solver;
 pub mod source;
 pub mod telemetry;

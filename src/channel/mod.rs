@@ -36,7 +36,6 @@
 mod admin;
 mod attachment;
 mod error;
-#[allow(dead_code, reason = "for the simulator")]
 pub(crate) mod memory;
 mod node;
 mod reader;

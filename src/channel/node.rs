@@ -80,7 +80,6 @@ impl Transport {
     }
 
     /// The same channels inside this process: nothing of them is in shared memory.
-    #[allow(dead_code, reason = "for the simulator")]
     pub(crate) fn in_memory(self, memory: Arc<Memory>) -> Self {
         Self { memory: Some(memory), ..self }
     }

@@ -46,14 +46,12 @@ mod statistics;
 mod supervisor;
 mod threads;
 mod truth;
-#[allow(dead_code, reason = "for the simulator")]
 mod unthreaded;
 mod watchdog;
 mod worker;
 
 pub use accelerated::Accelerated;
 pub use admin::{Refusal, Rehearsal};
-#[allow(unused_imports, reason = "for the simulator")]
 pub(crate) use counts::Counts;
 pub use daemon::Daemon;
 pub use decider::Decider;
@@ -63,8 +61,7 @@ pub use keeping::JournalError;
 pub use progress::Progress;
 pub use staging::Staging;
 pub use supervisor::{Supervisor, SupervisorError};
-#[allow(unused_imports, reason = "for the simulator")]
-pub(crate) use unthreaded::{Crew, LoopHand, Outline, build};
+pub(crate) use unthreaded::{Crew, Outline, build};
 
 /// When a run ends by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

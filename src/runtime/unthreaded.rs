@@ -30,7 +30,7 @@ use crate::report::Report;
 use crate::schedule::Schedule;
 use crate::source::{Observed, StateSource};
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{NO_ROBOT, RobotObservation, RobotState, StopReason};
+use crate::wire::{NO_ROBOT, RobotState, StopReason};
 
 /// What a daemon is put together from.
 pub(crate) struct Outline {
@@ -64,9 +64,8 @@ pub(crate) struct Crew<C: Clock, D> {
     workers: Vec<Hand<C, D>>,
     make: Box<dyn Fn(usize) -> Option<D>>,
     housekeeper: Housekeeper,
-    admin: Option<Admin<C>>,
+    admin: Admin<C>,
     progress: Arc<Mutex<Progress>>,
-    observations: Option<Arc<Queue<RobotObservation>>>,
 }
 
 /// Puts a daemon that hears observations together. The loop runs on `loop_clock` and everybody else tells
@@ -104,7 +103,6 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
     let node = common.transport.attach("clearwayd")?;
     let (states, commands) = (node.writer(places)?, node.writer(places)?);
     let reader = node.reader_or_create(places)?;
-    let observations = reader.queue().cloned();
     let capacity = record_capacity(&config);
     let periods = Arc::new(Pool::new(capacity, || PeriodRecord::with_robots(places)));
     let (mut hands, mut solves) = (Vec::new(), Vec::new());
@@ -168,17 +166,8 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
         desk: Arc::clone(&common.desk),
         memory: LoopMemory::new(common.first_states()).allowing_for(&config).held(common.begin.hold),
     };
-    let crew = Crew {
-        node,
-        config,
-        board,
-        workers: hands,
-        make: Box::new(make),
-        housekeeper,
-        admin: Some(admin),
-        progress,
-        observations,
-    };
+    let crew =
+        Crew { node, config, board, workers: hands, make: Box::new(make), housekeeper, admin, progress };
     Ok((LoopHand(control_loop), crew))
 }
 
@@ -204,11 +193,6 @@ impl<C: Clock, D: Decider> Crew<C, D> {
         self.workers.get(worker)?.0.states.queue()
     }
 
-    /// What waits for the loop on `observation`, where that is in memory.
-    pub(crate) fn observations(&self) -> Option<&Arc<Queue<RobotObservation>>> {
-        self.observations.as_ref()
-    }
-
     /// Keeps house: reads what was left, and says what is new.
     pub(crate) fn keep_house(&mut self) {
         self.housekeeper.round();
@@ -217,9 +201,7 @@ impl<C: Clock, D: Decider> Crew<C, D> {
 
     /// Answers operators.
     pub(crate) fn answer(&mut self) {
-        if let Some(admin) = &mut self.admin {
-            admin.round(false);
-        }
+        self.admin.round(false);
     }
 
     /// Asks for a last stop.

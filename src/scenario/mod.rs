@@ -19,6 +19,7 @@ mod check;
 mod read;
 mod write;
 
+pub(crate) use builtin::SplitMix64;
 pub(crate) use check::{ROUNDING_M, SIZE_MAX_M};
 pub(crate) use read::read;
 pub(crate) use write::ScenarioText;

@@ -13,6 +13,7 @@ mod record;
 mod replay;
 mod robust;
 mod scenario;
+mod simulate;
 mod summary;
 mod top;
 
@@ -42,6 +43,7 @@ Examples:
   clearway bench soak --ticks 1000000    does anything grow or wear out?
   clearway bench wakeup                  how fast do threads wake each other?
   clearway robust                        do disturbed robots keep apart?
+  clearway simulate --seeds 0..1000      does it all hold whatever fails?
   clearway record run.mcap               for Foxglove and for replay
   clearway replay run.mcap               compute every command again
   clearway scenario circle-10 > my.toml  start a scenario of your own
@@ -60,6 +62,7 @@ enum Command {
     Record(Box<record::Args>),
     Replay(replay::Args),
     Scenario(scenario::Args),
+    Simulate(simulate::Args),
     Top(top::Args),
     #[command(flatten)]
     Operate(operate::Order),
@@ -80,6 +83,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args).map(|()| true),
         Command::Robust(args) => robust::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Record(args) => return code(record::run(&args)),
         Command::Replay(args) => return code(replay::run(&args)),
         Command::Top(args) => return code(top::run(&args)),

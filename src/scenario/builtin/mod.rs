@@ -11,6 +11,7 @@ mod rng;
 mod suite;
 mod swap;
 
+pub(crate) use rng::SplitMix64;
 pub(super) use suite::names as suite;
 
 use super::Scenario;

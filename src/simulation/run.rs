@@ -1,0 +1,446 @@
+//! One seed: the daemon's turns, the world's, and what is looked at after each period.
+
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use super::active::Active;
+use super::hands::{Hand, Switch, Wrong};
+use super::judge::Judge;
+use super::kind::{Kind, Scope};
+use super::listener::Listener;
+use super::operator::Operator;
+use super::plan::{Class, Fault, Options, Plan};
+use super::random::Random;
+use super::world::World;
+use crate::channel::memory::{Memory, Message, Queue};
+use crate::clock::{Clock, VirtualTime};
+use crate::geometry::Vec2;
+use crate::runtime::Crew;
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState};
+
+/// Periods after the last fault in which everybody who can has to arrive.
+const ARRIVE: u64 = 2500;
+/// Periods of a daemon before it is expected to drive.
+pub(crate) const BEGIN: u64 = 8;
+
+/// Readers that get everything that is published, and that no fault concerns.
+pub(crate) struct Monitors {
+    pub(crate) states: Arc<Queue<RobotState>>,
+    pub(crate) commands: Arc<Queue<RobotCommand>>,
+    pub(crate) checkpoints: Arc<Queue<RobotCheckpoint>>,
+}
+
+/// A running seed.
+pub(crate) struct Run {
+    pub(crate) plan: Plan,
+    pub(crate) memory: Arc<Memory>,
+    pub(crate) world: World,
+    pub(crate) crew: Option<Crew<VirtualTime, Hand>>,
+    pub(crate) switches: Vec<Rc<Switch>>,
+    pub(crate) operator: Operator,
+    pub(crate) judge: Judge,
+    monitors: Monitors,
+    listener: Listener,
+    pending: VecDeque<Fault>,
+    pub(crate) active: Vec<Active>,
+    /// Where the robots of the scenario are to go now.
+    pub(crate) goals_m: Vec<Vec2>,
+    faults_until: u64,
+    order: Random,
+    /// The tick that workers have turns for, and those that still wait for theirs.
+    turns: (Option<u64>, Vec<usize>),
+    /// Workers that answer later, and when.
+    late: Vec<(u64, usize)>,
+    /// The state that was published before the last one.
+    older: Option<Message<RobotState>>,
+    newest: Option<Message<RobotState>>,
+    pub(crate) ending: bool,
+    pub(crate) periods: u64,
+}
+
+impl Run {
+    pub(crate) fn new(plan: Plan, options: &Options, listener: Listener) -> Self {
+        let memory = Arc::new(Memory::default());
+        let monitors = Monitors {
+            states: memory.state.subscribe(),
+            commands: memory.command.subscribe(),
+            checkpoints: memory.checkpoint.subscribe(),
+        };
+        let mut order = plan.random.clone();
+        Self {
+            world: World::new(&plan, &memory),
+            judge: Judge::new(&plan, options.trace),
+            crew: None,
+            switches: (0..plan.workers).map(|_| Rc::default()).collect(),
+            operator: Operator::new(),
+            monitors,
+            listener,
+            pending: plan.faults.iter().copied().collect(),
+            active: Vec::new(),
+            goals_m: plan.config.scenario.robots.iter().map(|robot| robot.goal_m).collect(),
+            faults_until: options.periods,
+            order: order.branch(),
+            turns: (None, Vec::new()),
+            late: Vec::new(),
+            older: None,
+            newest: None,
+            ending: false,
+            periods: 0,
+            memory,
+            plan,
+        }
+    }
+
+    fn period_ns(&self) -> u64 {
+        self.plan.config.timing.period_ns
+    }
+
+    /// A fault, or the beginning of a daemon, is in force from now on.
+    pub(crate) fn begin(&mut self, fault: Fault) {
+        let robots = match fault.kind.promise().scope {
+            Scope::Robot => Some(vec![fault.target]),
+            Scope::Driver => self.world.drivers.get(fault.target).map(|driver| driver.robots.clone()),
+            Scope::Worker | Scope::Fleet => None,
+        };
+        self.judge.note(|| format!("period {}: {fault} begins", fault.from));
+        let mut new = Active::new(fault, robots);
+        if fault.kind.promise().scope == Scope::Worker {
+            // One that may have no robot of ours to answer has nothing to show.
+            let fleet = self.plan.config.scenario.robots.len();
+            new.armed = fleet >= 2 * self.plan.workers && self.plan.class != Class::Foreign;
+        }
+        for other in &mut self.active {
+            if other.meets(&new) {
+                (other.shadowed, new.shadowed) = (true, true);
+            }
+        }
+        self.active.push(new);
+    }
+
+    fn begin_due(&mut self, period: u64) {
+        while self.pending.front().is_some_and(|fault| fault.from <= period) {
+            let Some(fault) = self.pending.pop_front() else { return };
+            self.begin(fault);
+        }
+    }
+
+    /// A fault of `kind` that acts in `period` and has not been done yet.
+    fn due(&mut self, kind: Kind, period: u64) -> Option<&mut Active> {
+        let due = |one: &&mut Active| one.kind() == kind && one.applied == 0 && one.acts_at(period);
+        self.active.iter_mut().find(due)
+    }
+
+    /// The loop sleeps until `wake_ns`; whether the daemon is killed meanwhile.
+    pub(crate) fn asleep(&mut self, now: &VirtualTime, wake_ns: u64) -> bool {
+        self.periods += 1;
+        self.look(now.now_ns());
+        self.world.receive(now.now_ns(), &mut self.active);
+        self.operate(now.now_ns());
+        let next = self.world.period(wake_ns);
+        self.begin_due(next);
+        let (mut wake_ns, period_ns) = (wake_ns, self.period_ns());
+        let world = &self.world;
+        if let Some(one) = self
+            .active
+            .iter_mut()
+            .find(|one| one.kind() == Kind::Overrun && one.applied == 0 && one.acts_at(next))
+        {
+            one.applied = 1;
+            let tenths = [15, 32, 200][(one.fault.chance * 3.0) as usize % 3];
+            wake_ns += period_ns / 10 * tenths;
+            one.last = world.period(wake_ns);
+            one.until = one.last + 1;
+        }
+        if self.due(Kind::Kill, next).is_some_and(|one| one.fault.chance < 0.5) {
+            return true;
+        }
+        self.prepare(next);
+        self.advance(now, wake_ns);
+        false
+    }
+
+    /// Faults of the period that begins.
+    fn prepare(&mut self, period: u64) {
+        let mut exhausted = false;
+        self.switches.iter().for_each(|switch| switch.wrong.set(Wrong::Nothing));
+        for one in &mut self.active {
+            if !one.acts_at(period) {
+                continue;
+            }
+            let (kind, target) = (one.kind(), one.fault.target);
+            let wrong = match kind {
+                Kind::Exhausted => {
+                    (exhausted, one.applied) = (true, one.applied + 1);
+                    continue;
+                }
+                Kind::Kidnapped => {
+                    one.applied += u64::from(self.world.carry_away(target, one.fault.chance));
+                    continue;
+                }
+                Kind::WorkerPanic => Wrong::Panic((one.fault.chance * 3.0) as usize),
+                Kind::WorkerLost => Wrong::Panic(0),
+                Kind::SolverNan => Wrong::Nan,
+                Kind::SolverBeyond => Wrong::Beyond,
+                Kind::SolverAlmost => Wrong::Almost,
+                Kind::SolverGivesUp => Wrong::GivesUp,
+                Kind::AnswerWild => Wrong::Wild,
+                _ => continue,
+            };
+            if let Some(switch) = self.switches.get(target) {
+                switch.wrong.set(wrong);
+            }
+        }
+        self.memory.command.exhaust(exhausted);
+        #[cfg(test)]
+        self.judge.sabotage.spoil(&self.switches, &self.active, period);
+    }
+
+    /// Lets time pass outside, until `until_ns`.
+    pub(crate) fn advance(&mut self, now: &VirtualTime, until_ns: u64) {
+        loop {
+            let mut at_ns = self.world.next_ns().min(until_ns);
+            if let Some(due_ns) = self.late.iter().map(|(due_ns, _)| *due_ns).min() {
+                at_ns = at_ns.min(due_ns);
+            }
+            now.sleep_until(at_ns);
+            let at_ns = now.now_ns();
+            if let Some(place) = self.late.iter().position(|(due_ns, _)| *due_ns <= at_ns) {
+                let (_, worker) = self.late.swap_remove(place);
+                if let Some(crew) = &mut self.crew {
+                    crew.work(worker);
+                }
+            }
+            self.world.advance(at_ns);
+            self.world.receive(at_ns, &mut self.active);
+            let (fleet, added) = (self.goals_m.len(), self.operator.added);
+            self.world.observe(at_ns, &mut self.active, |index| index < fleet || index == fleet && added);
+            if at_ns >= until_ns {
+                break;
+            }
+        }
+        self.judge_motion(now.now_ns());
+    }
+
+    fn judge_motion(&mut self, now_ns: u64) {
+        let period = self.world.period(now_ns);
+        let (fleet, added) = (self.goals_m.len(), self.operator.added);
+        let (judge, active) = (&mut self.judge, &self.active);
+        self.world.judge(
+            |index| index < fleet || index == fleet && added,
+            |index| {
+                let lies = |one: &Active| !one.kind().promise().keeps_clear && one.touches(index);
+                active.iter().any(|one| lies(one) && one.acts_within(period))
+            },
+            |broken| judge.fail(period, Some(broken.robot), broken.invariant, broken.values),
+        );
+    }
+
+    /// The loop waits for its workers until `wake_ns`; whether the daemon is killed meanwhile.
+    pub(crate) fn waiting(&mut self, now: &VirtualTime, wake_ns: u64) -> bool {
+        let Some(tick) = self.crew.as_ref().and_then(Crew::released) else {
+            now.sleep_until(wake_ns);
+            return false;
+        };
+        let period = self.world.period(now.now_ns());
+        if self.turns.0 != Some(tick) {
+            let mut left: Vec<usize> = (0..self.plan.workers).collect();
+            let mut shuffled = Vec::new();
+            while !left.is_empty() {
+                shuffled.push(left.swap_remove(self.order.index(left.len())));
+            }
+            self.turns = (Some(tick), shuffled);
+            self.remember_state();
+            if self.due(Kind::Kill, period).is_some() {
+                return true;
+            }
+            if let Some(one) = self.due(Kind::Preempted, period) {
+                one.applied = 1;
+                let over_ns = (one.fault.chance * 0.5 * self.period_ns() as f64) as u64;
+                let workers = std::mem::take(&mut self.turns.1);
+                for worker in workers {
+                    self.work(worker, period, now.now_ns());
+                }
+                self.advance(now, wake_ns + self.plan.config.timing.margin_ns() + over_ns);
+                return false;
+            }
+        }
+        match self.turns.1.pop() {
+            Some(worker) => {
+                self.work(worker, period, wake_ns);
+                let work_ns = 20_000 + self.order.below(100_000);
+                now.sleep_until((now.now_ns() + work_ns).min(wake_ns));
+            }
+            None => self.advance(now, wake_ns),
+        }
+        false
+    }
+
+    fn remember_state(&mut self) {
+        let newest = self.monitors.states.edit(|waiting| waiting.back().cloned());
+        if newest.is_some() {
+            self.older = std::mem::replace(&mut self.newest, newest);
+        }
+    }
+
+    /// One worker's turn, and what goes wrong with it.
+    fn work(&mut self, worker: usize, period: u64, deadline_ns: u64) {
+        let Some(crew) = &mut self.crew else { return };
+        let before = self.switches.get(worker).map_or(0, |switch| switch.applied.get());
+        let mut works = true;
+        for one in &mut self.active {
+            if one.fault.target != worker
+                || one.kind().promise().scope != Scope::Worker
+                || !one.acts_at(period)
+            {
+                continue;
+            }
+            match one.kind() {
+                Kind::WorkerHang => works = false,
+                Kind::WorkerLate => {
+                    self.late.push((deadline_ns + 100_000, worker));
+                    works = false;
+                }
+                Kind::StateLost => {
+                    if let Some(states) = crew.states(worker) {
+                        states.edit(VecDeque::clear);
+                    }
+                }
+                Kind::StateOld => {
+                    let Some(older) = &self.older else { continue };
+                    if let Some(states) = crew.states(worker) {
+                        states.edit(|waiting| *waiting = VecDeque::from([older.clone()]));
+                    }
+                }
+                Kind::StateOtherEpoch => {
+                    if let Some(states) = crew.states(worker) {
+                        states.edit(|waiting| waiting.iter_mut().for_each(|one| one.header.epoch -= 1));
+                    }
+                }
+                _ => continue,
+            }
+            one.applied += 1;
+        }
+        if works {
+            crew.work(worker);
+        }
+        let applied = self.switches.get(worker).map_or(0, |switch| switch.applied.get()) - before;
+        for one in &mut self.active {
+            let inside = matches!(
+                one.kind(),
+                Kind::WorkerPanic
+                    | Kind::WorkerLost
+                    | Kind::SolverNan
+                    | Kind::SolverBeyond
+                    | Kind::SolverAlmost
+                    | Kind::SolverGivesUp
+                    | Kind::AnswerWild
+            );
+            if inside && one.fault.target == worker && one.acts_at(period) {
+                one.applied += applied;
+            }
+        }
+    }
+
+    fn operate(&mut self, now_ns: u64) {
+        let period = self.world.period(now_ns);
+        self.operator.act((now_ns, period), &self.plan, &self.goals_m, &mut self.active);
+        if let Some(crew) = &mut self.crew {
+            crew.answer();
+        }
+        let (judge, goals_m) = (&mut self.judge, &mut self.goals_m);
+        let mut wrong = Vec::new();
+        let refused = self.operator.hear(
+            period,
+            |text| wrong.push(text),
+            |index, goal_m| {
+                if let Some(goal) = goals_m.get_mut(index) {
+                    *goal = goal_m;
+                }
+            },
+        );
+        self.world.outside.refused += refused;
+        for text in wrong {
+            judge.fail(period, None, 'c', text);
+        }
+    }
+
+    /// Looks at everything that was published and counted since the last time.
+    pub(crate) fn look(&mut self, now_ns: u64) {
+        let period = self.world.period(now_ns);
+        let Some(crew) = &mut self.crew else { return };
+        crew.keep_house();
+        let lines = self.listener.take();
+        let counts = crew.counts();
+        let mut commands = self.monitors.commands.edit(std::mem::take);
+        for message in &commands {
+            self.world.genuine.add(message.clone());
+        }
+        let states = self.monitors.states.edit(std::mem::take);
+        let checkpoints = self.monitors.checkpoints.edit(std::mem::take);
+        let world = &self.world;
+        self.judge.published(
+            &self.plan,
+            (&states, commands.make_contiguous(), &checkpoints),
+            &mut self.active,
+            |stamp_ns| world.period(stamp_ns),
+            self.ending,
+        );
+        self.judge.counted(period, &counts, &self.world.outside, &lines, &mut self.active);
+        self.judge.expire(period, &mut self.active);
+        self.end_when_done(period);
+    }
+
+    /// The daemon is killed; for how many periods it stays away.
+    pub(crate) fn kill(&mut self, period: u64) -> u64 {
+        self.look_at_the_last(period);
+        self.crew = None;
+        self.memory.command.exhaust(false);
+        self.late.clear();
+        self.turns = (None, Vec::new());
+        let Some(one) = self.due(Kind::Kill, period + 1).map(|one| one.fault.number) else { return 3 };
+        let mut down = 3;
+        for active in self.active.iter_mut().filter(|active| active.fault.number == one) {
+            (active.applied, down) = (1, active.fault.periods);
+            active.last = period + down + 2;
+            active.until = active.last + active.kind().promise().recovery;
+        }
+        down
+    }
+
+    /// What went out before the end of a daemon still acts.
+    fn look_at_the_last(&mut self, _: u64) {
+        let commands = self.monitors.commands.edit(std::mem::take);
+        for message in commands {
+            self.world.genuine.add(message);
+        }
+        self.monitors.states.edit(VecDeque::clear);
+        self.monitors.checkpoints.edit(VecDeque::clear);
+    }
+
+    fn end_when_done(&mut self, period: u64) {
+        let Some(crew) = &self.crew else { return };
+        if self.ending
+            || (self.judge.failures().is_empty() && (period < self.faults_until || !self.pending.is_empty()))
+        {
+            return;
+        }
+        if self.judge.failures().is_empty() {
+            let quiet = self.active.iter().all(|one| one.until > u64::MAX / 4);
+            if !quiet {
+                return;
+            }
+            let latched = !self.active.is_empty();
+            if !latched && !self.judge.settled(&self.plan, &self.goals_m) {
+                if period > self.faults_until + ARRIVE {
+                    let who = self.judge.who_is_away(&self.plan, &self.goals_m);
+                    self.judge.fail(period, None, 'l', format!("no fault acts any more, and {who}"));
+                } else {
+                    return;
+                }
+            }
+        }
+        self.ending = true;
+        crew.stop();
+    }
+}
