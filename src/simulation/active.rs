@@ -23,6 +23,8 @@ pub(crate) struct Active {
     pub(crate) said: bool,
     /// The last period in which a robot that it concerns stopped for its reason.
     pub(crate) stopped: Option<u64>,
+    /// The last period in which an operator did something about it.
+    pub(crate) stepped: Option<u64>,
     /// Another fault may have hidden it.
     pub(crate) shadowed: bool,
 }
@@ -39,6 +41,7 @@ impl Active {
             moved: false,
             said: false,
             stopped: None,
+            stepped: None,
             shadowed: false,
         }
     }
@@ -64,6 +67,12 @@ impl Active {
     pub(crate) fn meets(&self, other: &Self) -> bool {
         let everybody = |one: &Self| one.kind().promise().scope == Scope::Fleet || one.robots.is_none();
         everybody(self) || everybody(other) || self.robots.iter().flatten().any(|robot| other.touches(*robot))
+    }
+
+    /// Recovers only after the other has: what it needs for that may be what the other takes.
+    pub(crate) fn outlast(&mut self, other_until: u64) {
+        let recovery = self.kind().promise().recovery;
+        self.until = self.until.max(other_until.saturating_add(recovery));
     }
 
     /// Periods after its end until the last robot that it concerns was driven again.

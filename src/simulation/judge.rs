@@ -180,7 +180,7 @@ impl Judge {
                 self.note(|| format!("period {period}: robot {index}: {name}"));
             }
         }
-        if !plan.apart.is_empty() {
+        if !plan.apart.is_empty() && !ending {
             self.apart.push(self.digest_apart.0);
         }
     }

@@ -216,7 +216,7 @@ kinds! {
     };
     /// An older sample after a newer one.
     ObsReordered => Promise {
-        counters: &[Rejected(Rejection::Reordered), Skipped], lasts: (1, 4), says: REFUSED,
+        counters: &[Rejected(Rejection::Reordered), Skipped, Rejected(Rejection::Repeated)], lasts: (1, 4), says: REFUSED,
         ..one("obs-reordered", Scope::Driver, "refused; nothing else happens")
     };
     /// Samples are lost on the way.

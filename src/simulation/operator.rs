@@ -75,10 +75,12 @@ impl Operator {
         let period = at.1;
         for which in 0..active.len() {
             let (fault, kind) = (active[which].fault, active[which].kind());
-            let (first, last) = (period == fault.from, period == fault.last());
-            if !(fault.from..=fault.last() + 2).contains(&period) {
+            // One step after the other, each when the one before has had its period.
+            let step = active[which].applied;
+            if period < fault.from || active[which].stepped.is_some_and(|last| period < last + 2) {
                 continue;
             }
+            let last = period >= fault.last();
             let robot = |index: usize, goal_m: Vec2| AdminRobot {
                 id: plan.config.scenario.robots.get(index).map_or(0, |robot| robot.id.0),
                 goal_x_m: goal_m.x,
@@ -96,12 +98,12 @@ impl Operator {
                 radius_m: plan.spares[which].radius_m,
             };
             match kind {
-                Kind::OpGoal if first => {
+                Kind::OpGoal if step == 0 => {
                     let index = fault.target;
                     let Some(goal_m) = free_goal(index, goals_m, fault.chance) else { continue };
                     self.ask(at, AdminKind::SetGoals, &[robot(index, goal_m)], done, Some((index, goal_m)));
                 }
-                Kind::OpBadGoal if first => {
+                Kind::OpBadGoal if step == 0 => {
                     let index = fault.target;
                     let other = (index + 1) % goals_m.len().max(1);
                     let nobody = AdminRobot { id: 9_999_999, ..robot(index, Vec2::zeros()) };
@@ -116,21 +118,19 @@ impl Operator {
                     };
                     self.ask(at, AdminKind::SetGoals, &[request], refused(code), None);
                 }
-                Kind::OpPause if first => self.ask(at, AdminKind::Pause, &[], done, None),
-                Kind::OpPause if last => self.ask(at, AdminKind::Resume, &[], done, None),
-                Kind::OpStop if first => self.ask(at, AdminKind::Stop, &[], done, None),
-                Kind::OpStop if period == fault.from + 2 => {
+                Kind::OpPause if step == 0 => self.ask(at, AdminKind::Pause, &[], done, None),
+                Kind::OpPause if step == 1 && last => self.ask(at, AdminKind::Resume, &[], done, None),
+                Kind::OpStop if step == 0 => self.ask(at, AdminKind::Stop, &[], done, None),
+                Kind::OpStop if step == 1 => {
                     self.ask(at, AdminKind::Resume, &[], refused(AdminCode::Stopped), None);
                 }
-                Kind::OpStop if last => self.ask(at, AdminKind::Clear, &[], done, None),
-                Kind::OpStop if period == fault.last() + 2 => {
-                    self.ask(at, AdminKind::Resume, &[], done, None)
-                }
-                Kind::OpAdd if first => self.ask(at, AdminKind::AddRobot, &[spare(0)], done, None),
-                Kind::OpAdd if period == fault.from + 2 => {
+                Kind::OpStop if step == 2 && last => self.ask(at, AdminKind::Clear, &[], done, None),
+                Kind::OpStop if step == 3 => self.ask(at, AdminKind::Resume, &[], done, None),
+                Kind::OpAdd if step == 0 => self.ask(at, AdminKind::AddRobot, &[spare(0)], done, None),
+                Kind::OpAdd if step == 1 => {
                     self.ask(at, AdminKind::AddRobot, &[spare(1)], refused(AdminCode::Full), None);
                 }
-                Kind::OpAdd if last => {
+                Kind::OpAdd if step == 2 && last => {
                     // Nobody speaks for it any more.
                     self.added = false;
                     self.ask(at, AdminKind::RemoveRobot, &[spare(0)], done, None);
@@ -138,6 +138,8 @@ impl Operator {
                 _ => continue,
             }
             active[which].applied += 1;
+            active[which].stepped = Some(period);
+            active[which].outlast(period + 2);
         }
     }
 

@@ -98,8 +98,9 @@ impl Keeps {
             if step_m <= budget_m {
                 continue;
             }
+            // Out of the same place every way leads apart.
             if distance_m == 0.0 {
-                return Some(format!("it drives at {} m/s out of robot {}", input.v_mps, other.id));
+                continue;
             }
             let used_m = approach(apart / distance_m);
             if used_m > budget_m + ROUNDING_M {

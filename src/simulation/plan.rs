@@ -352,8 +352,13 @@ fn scenario(
             scenario.robots[1].start = Pose::new(x, y, random.range(-PI, PI));
         }
         Class::AtGoal => {
-            for robot in scenario.robots.iter_mut().step_by(2) {
-                robot.goal_m = robot.start.position_m;
+            for index in (0..scenario.robots.len()).step_by(2) {
+                let here = scenario.robots[index].start.position_m;
+                let mut others = scenario.robots.iter().enumerate().filter(|(other, _)| *other != index);
+                // Not where somebody else wants to be.
+                if others.all(|(_, other)| (other.goal_m - here).norm() > 1.5) {
+                    scenario.robots[index].goal_m = here;
+                }
             }
         }
         Class::Wrap => {

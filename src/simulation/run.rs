@@ -56,6 +56,8 @@ pub(crate) struct Run {
     older: Option<Message<RobotState>>,
     newest: Option<Message<RobotState>>,
     pub(crate) ending: bool,
+    #[cfg(test)]
+    pub(crate) expected_off_m: f64,
     pub(crate) periods: u64,
 }
 
@@ -86,6 +88,8 @@ impl Run {
             older: None,
             newest: None,
             ending: false,
+            #[cfg(test)]
+            expected_off_m: 0.0,
             periods: 0,
             memory,
             plan,
@@ -113,6 +117,11 @@ impl Run {
         for other in &mut self.active {
             if other.meets(&new) {
                 (other.shadowed, new.shadowed) = (true, true);
+                let until = other.until;
+                other.outlast(new.until);
+                if new.kind() != Kind::Begin && other.kind() != Kind::Begin {
+                    new.outlast(until);
+                }
             }
         }
         self.active.push(new);
@@ -150,7 +159,11 @@ impl Run {
             let tenths = [15, 32, 200][(one.fault.chance * 3.0) as usize % 3];
             wake_ns += period_ns / 10 * tenths;
             one.last = world.period(wake_ns);
-            one.until = one.last + 1;
+            one.until = one.last + 2;
+            let (number, until) = (one.fault.number, one.until);
+            for other in self.active.iter_mut().filter(|other| other.fault.number != number) {
+                (other.shadowed, _) = (true, other.outlast(until));
+            }
         }
         if self.due(Kind::Kill, next).is_some_and(|one| one.fault.chance < 0.5) {
             return true;
@@ -205,6 +218,7 @@ impl Run {
             }
             now.sleep_until(at_ns);
             let at_ns = now.now_ns();
+            self.begin_due(self.world.period(at_ns));
             if let Some(place) = self.late.iter().position(|(due_ns, _)| *due_ns <= at_ns) {
                 let (_, worker) = self.late.swap_remove(place);
                 if let Some(crew) = &mut self.crew {
@@ -418,6 +432,15 @@ impl Run {
         self.monitors.checkpoints.edit(VecDeque::clear);
     }
 
+    /// Where everybody is to be in the end.
+    fn expected_m(&self) -> Vec<Vec2> {
+        #[allow(unused_mut, reason = "tests expect somebody elsewhere")]
+        let mut goals_m = self.goals_m.clone();
+        #[cfg(test)]
+        goals_m.iter_mut().for_each(|goal_m| goal_m.x += self.expected_off_m);
+        goals_m
+    }
+
     fn end_when_done(&mut self, period: u64) {
         let Some(crew) = &self.crew else { return };
         if self.ending
@@ -431,9 +454,10 @@ impl Run {
                 return;
             }
             let latched = !self.active.is_empty();
-            if !latched && !self.judge.settled(&self.plan, &self.goals_m) {
+            let goals_m = self.expected_m();
+            if !latched && !self.judge.settled(&self.plan, &goals_m) {
                 if period > self.faults_until + ARRIVE {
-                    let who = self.judge.who_is_away(&self.plan, &self.goals_m);
+                    let who = self.judge.who_is_away(&self.plan, &goals_m);
                     self.judge.fail(period, None, 'l', format!("no fault acts any more, and {who}"));
                 } else {
                     return;

@@ -7,8 +7,6 @@ use super::hands::{Switch, Wrong};
 
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Sabotage {
-    /// Gates let act what has expired.
-    pub(crate) ignores_expiry: bool,
     /// What a worker does wrong from this period on.
     pub(crate) wrong: Option<(u64, Wrong)>,
     /// Counters do not move.

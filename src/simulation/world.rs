@@ -122,11 +122,10 @@ impl World {
         now_ns.saturating_sub(self.start_ns) / self.period_ns
     }
 
-    /// When the next thing happens outside, ns.
+    /// When drivers take the next poses, ns. What is late comes no earlier than then, so that the pieces of all
+    /// motions are the same whatever is late.
     pub(crate) fn next_ns(&self) -> u64 {
-        let observed = (self.start_ns + self.next * self.period_ns).saturating_sub(self.lead_ns);
-        let late = self.drivers.iter().flat_map(|driver| driver.late.iter().map(|(due_ns, _)| *due_ns));
-        late.fold(observed, u64::min)
+        (self.start_ns + self.next * self.period_ns).saturating_sub(self.lead_ns)
     }
 
     /// Moves everybody on to `to_ns`; what was driven is looked at by [`judge`](Self::judge).
