@@ -28,7 +28,7 @@ impl<R: Record> Reader<R> {
         Self { port: Port::Shared(subscriber), seal, corrupt: 0 }
     }
 
-    pub(super) fn local(queue: Arc<Queue<R>>, seal: Seal) -> Self {
+    pub(crate) fn local(queue: Arc<Queue<R>>, seal: Seal) -> Self {
         Self { port: Port::Local(queue), seal, corrupt: 0 }
     }
 

@@ -14,6 +14,7 @@ pub(crate) struct Counts {
     pub(crate) lost_records: u64,
     pub(crate) worker_panics: u64,
     /// Times that a worker was lost for a while, because it panicked too often.
-    pub(crate) workers_lost: u64,
+    pub(crate) worker_rests: u64,
     pub(crate) workers_silent: u64,
+    pub(crate) corrupt_states: u64,
 }

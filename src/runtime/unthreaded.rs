@@ -226,7 +226,8 @@ impl<C: Clock, D: Decider> Crew<C, D> {
             send_failures: statistics.send_failures,
             lost_records: statistics.lost_records,
             worker_panics: self.board.worker_panics.load(Ordering::Relaxed),
-            workers_lost: self.board.worker_rests.load(Ordering::Relaxed),
+            worker_rests: self.board.worker_rests.load(Ordering::Relaxed),
+            corrupt_states: self.board.corrupt_states.load(Ordering::Relaxed),
             workers_silent: self.progress().workers_silent as u64,
         }
     }

@@ -9,7 +9,7 @@ use crate::model::{Command, RobotId};
 use crate::programme::{Programme, Solution};
 use crate::runtime::Decider;
 use crate::solver::{ExactSolver, Outcome, Solver};
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotState};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, state_flags};
 
 /// What a worker does wrong now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -37,6 +37,8 @@ pub(crate) enum Wrong {
 pub(crate) struct Switch {
     pub(crate) wrong: Cell<Wrong>,
     pub(crate) applied: Cell<u64>,
+    /// Robots of ours that were answered in the last period.
+    pub(crate) robots: Cell<usize>,
 }
 
 impl Switch {
@@ -95,6 +97,7 @@ impl Decider for Hand {
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         let (switch, mut answered) = (&self.switch, 0);
+        switch.robots.set(0);
         let mut answer = |index: usize, decision: &Decision| {
             if switch.wrong.get() == Wrong::Panic(answered) {
                 switch.note();
@@ -102,9 +105,12 @@ impl Decider for Hand {
                 std::panic::resume_unwind(Box::new("a fault, injected"));
             }
             answered += 1;
+            let nobody = state_flags::VACANT | state_flags::FOREIGN;
+            let ours = fleet.get(index).is_some_and(|state| state.flags & nobody == 0);
+            switch.robots.set(switch.robots.get() + usize::from(ours));
             let mut decision = *decision;
             // Work takes the same time on every machine; regions are balanced by it.
-            decision.telemetry.step_ns = 5_000 + u64::from(decision.telemetry.id) * 100;
+            decision.telemetry.step_ns = 5_000 + u64::from(decision.telemetry.id % 64) * 50;
             decision.telemetry.solve_ns = 100;
             spoil(switch, fleet.get(index), &mut decision);
             each(index, &decision);

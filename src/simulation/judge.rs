@@ -16,8 +16,8 @@ use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, StopReason, checkpo
 
 /// States and commands that are remembered, to be put together.
 const REMEMBERED: usize = 8;
-/// Failures of one seed that are told; more would be their consequences.
-const FAILURES_MAX: usize = 4;
+/// Failures of one seed and invariant that are told; more would be their consequences.
+const FAILURES_MAX: usize = 2;
 
 /// Something that did not hold.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -108,7 +108,8 @@ impl Judge {
 
     pub(crate) fn fail(&mut self, period: u64, robot: Option<usize>, invariant: char, values: String) {
         self.note(|| format!("period {period}: ({invariant}) does not hold: {values}"));
-        if self.failures.len() < FAILURES_MAX {
+        let alike = self.failures.iter().filter(|failure| failure.invariant == invariant).count();
+        if alike < FAILURES_MAX {
             self.failures.push(Failure { period, robot, invariant, values });
         }
     }
@@ -308,7 +309,7 @@ impl Judge {
     }
 
     /// What a fault has shown in the end.
-    pub(crate) fn leave(&mut self, period: u64, one: &Active) {
+    fn leave(&mut self, period: u64, one: &Active) {
         let promise = one.kind().promise();
         if one.kind() == Kind::Begin {
             return;

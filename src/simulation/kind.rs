@@ -48,7 +48,7 @@ const REFUSED: Option<&str> = Some("observations refused");
 const MISSED: Option<&str> = Some("periods without a complete command in time");
 const UNVERIFIED: Option<&str> = Some("stops sent in place of verified commands");
 
-use Counter::{Gate, Panics, Rejected, SendFailures, Silent, Skipped, SkippedPeriods, Stop, WorkersLost};
+use Counter::{Gate, Panics, Rejected, Rests, SendFailures, Silent, Skipped, SkippedPeriods, Stop};
 
 const fn one(name: &'static str, scope: Scope, policy: &'static str) -> Promise {
     Promise {
@@ -67,6 +67,8 @@ const fn one(name: &'static str, scope: Scope, policy: &'static str) -> Promise 
 
 /// Robots stop when their observations are refused for longer than they may be old.
 const UNSEEN: &[StopReason] = &[StopReason::NoState];
+/// A robot that did not hear one command drives the next from elsewhere than it was computed for.
+const UNHEARD: u64 = 4;
 const LATE: &[StopReason] = &[StopReason::Deadline];
 /// A sample that jumps, and five that agree.
 const READMITTED: u64 = 8;
@@ -285,6 +287,22 @@ kinds! {
         counters: &[Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE, lasts: (1, 3), says: MISSED,
         ..one("state-other-epoch", Scope::Worker, "not answered; its robots stop")
     };
+    /// A bit of an observation flips on the way.
+    ObsBit => Promise {
+        counters: &[Rejected(Rejection::Corrupt), Skipped], stops: UNSEEN, lasts: (1, 6), recovery: 2, says: REFUSED,
+        ..one("obs-bit", Scope::Driver, "refused as a whole; stale after two periods, then its robots stop")
+    };
+    /// A bit of the state flips on its way to a worker.
+    StateBit => Promise {
+        counters: &[Counter::CorruptStates, Stop(StopReason::Corrupt), Counter::Misses, Silent],
+        stops: &[StopReason::Corrupt, StopReason::Deadline], lasts: (1, 3), says: Some("states that changed in memory"),
+        ..one("state-bit", Scope::Worker, "nothing is answered; its robots stop")
+    };
+    /// A bit of a command sample flips on its way to a driver.
+    CmdBit => Promise {
+        counters: &[Counter::CorruptCommands], lasts: (1, 3), recovery: UNHEARD, keeps_clear: false,
+        ..one("cmd-bit", Scope::Driver, "not handed out; the robots stand until the next one comes")
+    };
     /// A command sample comes again.
     CmdRepeated => Promise {
         counters: &[Gate(Refusal::OldTick)], lasts: (1, 4),
@@ -317,7 +335,7 @@ kinds! {
     };
     /// A command sample is lost on the way to a driver.
     CmdLost => Promise {
-        lasts: (1, 4), keeps_clear: false,
+        lasts: (1, 4), recovery: UNHEARD, keeps_clear: false,
         ..one("cmd-lost", Scope::Driver, "the robots stand until the next one comes")
     };
     /// There is no shared memory for the next command sample.
@@ -351,11 +369,11 @@ kinds! {
         recovery: 4, says: Some("refused: "),
         ..one("op-add", Scope::Fleet, "takes a free place and is driven once it is seen; the surplus is refused")
     };
-    /// A worker panics again and again.
-    WorkerLost => Promise {
-        counters: &[WorkersLost, Panics, Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE,
-        lasts: (5, 5), recovery: u64::MAX / 2, says: Some("workers given up after repeated panics"),
-        ..one("worker-lost", Scope::Worker, "latched: the worker stays down and its robots stand")
+    /// A worker panics four times in a row.
+    WorkerRests => Promise {
+        counters: &[Rests, Panics, Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE,
+        lasts: (4, 4), recovery: 20, says: Some("workers that rest after repeated panics"),
+        ..one("worker-rests", Scope::Worker, "it rests 16 periods, and longer each time; its robots stand")
     };
 }
 
@@ -368,11 +386,6 @@ impl Kind {
     /// The kind that is called so.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|kind| kind.name() == name)
-    }
-
-    /// Whether seeds inject it by themselves: not what lasts for good, which has to be asked for.
-    pub fn is_drawn(self) -> bool {
-        !matches!(self, Self::WorkerLost | Self::Begin)
     }
 }
 

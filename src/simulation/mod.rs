@@ -150,12 +150,6 @@ fn run_one(
     // What is left acts no longer than it may.
     let until_ns = stage.now.now_ns() + 4 * plan.config.timing.period_ns;
     run.advance(&stage.now, until_ns);
-    let period = run.world.period(until_ns);
-    let open = std::mem::take(&mut run.active);
-    let failed = !run.judge.failures().is_empty();
-    for one in open.iter().filter(|one| !failed && one.until > u64::MAX / 4) {
-        run.judge.leave(period, one);
-    }
     let judge = &mut run.judge;
     let outcome = Outcome {
         seed,
@@ -185,7 +179,7 @@ fn lives(stage: &Rc<Stage>, seed: u64) -> Result<(), SimulationError> {
                 robot.goal_m = *goal_m;
             }
             let period_ns = config.timing.period_ns;
-            let transport = Transport::new("simulated", &config.channel)?.in_memory(Arc::clone(&run.memory));
+            let transport = Transport::new(world::FLEET, &config.channel)?.in_memory(Arc::clone(&run.memory));
             let shelf = Arc::new(RouteShelf::new(config.places()));
             let robots = Arc::new(Robots::new(&config));
             let switches = run.switches.clone();

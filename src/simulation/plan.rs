@@ -231,7 +231,7 @@ impl Plan {
     fn draw(&mut self, options: &Options, random: &mut Random) {
         let kinds: Vec<Kind> = match &options.kinds {
             Some(kinds) => kinds.clone(),
-            None => Kind::ALL.iter().copied().filter(|kind| kind.is_drawn()).collect(),
+            None => Kind::ALL.iter().copied().filter(|kind| kind.promise().is_fault()).collect(),
         };
         let kinds: Vec<Kind> = kinds.into_iter().filter(|kind| self.suits(*kind)).collect();
         let wanted = if kinds.len() == 1 { 1 + random.below(3) } else { 3 + random.below(10) };
@@ -301,9 +301,12 @@ impl Plan {
                 Kind::Kill | Kind::OpPause | Kind::OpStop | Kind::OpAdd | Kind::OpGoal | Kind::OpBadGoal
             )
         };
-        // A worker is given up after the fourth panic.
-        let panics =
-            new.kind != Kind::WorkerPanic || many(Kind::WorkerPanic) < 3 && many(Kind::WorkerLost) == 0;
+        // A worker rests after the fourth panic, which has to be the one that is meant.
+        let panics = match new.kind {
+            Kind::WorkerPanic => many(Kind::WorkerPanic) < 3 && many(Kind::WorkerRests) == 0,
+            Kind::WorkerRests => many(Kind::WorkerPanic) == 0 && many(Kind::WorkerRests) == 0,
+            _ => true,
+        };
         panics
             && (new.kind != Kind::Kill || many(Kind::Kill) < 2)
             && !(exclusive(new.kind)

@@ -10,9 +10,10 @@ use super::judge::Judge;
 use super::kind::{Kind, Scope};
 use super::listener::Listener;
 use super::operator::Operator;
-use super::plan::{Class, Fault, Options, Plan};
+use super::plan::{Fault, Options, Plan};
 use super::random::Random;
-use super::world::World;
+use super::world::{FLEET, World, flip};
+use crate::channel::Channel;
 use crate::channel::memory::{Memory, Message, Queue};
 use crate::clock::{Clock, VirtualTime};
 use crate::geometry::Vec2;
@@ -109,11 +110,6 @@ impl Run {
         };
         self.judge.note(|| format!("period {}: {fault} begins", fault.from));
         let mut new = Active::new(fault, robots);
-        if fault.kind.promise().scope == Scope::Worker {
-            // One that may have no robot of ours to answer has nothing to show.
-            let fleet = self.plan.config.scenario.robots.len();
-            new.armed = fleet >= 2 * self.plan.workers && self.plan.class != Class::Foreign;
-        }
         for other in &mut self.active {
             if other.meets(&new) {
                 (other.shadowed, new.shadowed) = (true, true);
@@ -192,7 +188,7 @@ impl Run {
                     continue;
                 }
                 Kind::WorkerPanic => Wrong::Panic((one.fault.chance * 3.0) as usize),
-                Kind::WorkerLost => Wrong::Panic(0),
+                Kind::WorkerRests => Wrong::Panic(0),
                 Kind::SolverNan => Wrong::Nan,
                 Kind::SolverBeyond => Wrong::Beyond,
                 Kind::SolverAlmost => Wrong::Almost,
@@ -301,6 +297,7 @@ impl Run {
     fn work(&mut self, worker: usize, period: u64, deadline_ns: u64) {
         let Some(crew) = &mut self.crew else { return };
         let before = self.switches.get(worker).map_or(0, |switch| switch.applied.get());
+        let answered = self.switches.get(worker).map_or(0, |switch| switch.robots.get());
         let mut works = true;
         for one in &mut self.active {
             if one.fault.target != worker
@@ -309,6 +306,8 @@ impl Run {
             {
                 continue;
             }
+            // A worker that has none of our robots to answer has nothing to show.
+            one.armed &= answered > 0;
             match one.kind() {
                 Kind::WorkerHang => works = false,
                 Kind::WorkerLate => {
@@ -326,9 +325,20 @@ impl Run {
                         states.edit(|waiting| *waiting = VecDeque::from([older.clone()]));
                     }
                 }
+                Kind::StateBit => {
+                    let (chance, times) = (one.fault.chance, one.applied);
+                    if let Some(states) = crew.states(worker) {
+                        states.edit(|waiting| waiting.iter_mut().for_each(|one| flip(one, chance, times)));
+                    }
+                }
                 Kind::StateOtherEpoch => {
                     if let Some(states) = crew.states(worker) {
-                        states.edit(|waiting| waiting.iter_mut().for_each(|one| one.header.epoch -= 1));
+                        states.edit(|waiting| {
+                            for one in waiting {
+                                one.header.epoch -= 1;
+                                Channel::State.seal(FLEET).put(&mut one.header, &one.robots);
+                            }
+                        });
                     }
                 }
                 _ => continue,
@@ -343,7 +353,7 @@ impl Run {
             let inside = matches!(
                 one.kind(),
                 Kind::WorkerPanic
-                    | Kind::WorkerLost
+                    | Kind::WorkerRests
                     | Kind::SolverNan
                     | Kind::SolverBeyond
                     | Kind::SolverAlmost
@@ -449,13 +459,11 @@ impl Run {
             return;
         }
         if self.judge.failures().is_empty() {
-            let quiet = self.active.iter().all(|one| one.until > u64::MAX / 4);
-            if !quiet {
+            if !self.active.is_empty() {
                 return;
             }
-            let latched = !self.active.is_empty();
             let goals_m = self.expected_m();
-            if !latched && !self.judge.settled(&self.plan, &goals_m) {
+            if !self.judge.settled(&self.plan, &goals_m) {
                 if period > self.faults_until + ARRIVE {
                     let who = self.judge.who_is_away(&self.plan, &goals_m);
                     self.judge.fail(period, None, 'l', format!("no fault acts any more, and {who}"));

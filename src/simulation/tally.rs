@@ -22,13 +22,17 @@ pub(crate) enum Counter {
     SendFailures,
     LostRecords,
     Panics,
-    WorkersLost,
+    Rests,
     /// Times that a worker fell silent.
     Silent,
     /// A robot was told to stop.
     Stop(StopReason),
     /// A gate refused a command.
     Gate(Refusal),
+    /// A driver found a command sample corrupted.
+    CorruptCommands,
+    /// A worker found a state corrupted.
+    CorruptStates,
     /// Operators' requests that were refused.
     Refused,
 }
@@ -44,22 +48,25 @@ impl fmt::Display for Counter {
             Self::SendFailures => f.write_str("send_failures"),
             Self::LostRecords => f.write_str("lost_records"),
             Self::Panics => f.write_str("worker_panics"),
-            Self::WorkersLost => f.write_str("workers_lost"),
+            Self::Rests => f.write_str("worker_rests"),
             Self::Silent => f.write_str("workers_silent"),
             Self::Stop(reason) => write!(f, "stops.{}", reason.name()),
             Self::Gate(refusal) => write!(f, "gate.{refusal:?}"),
+            Self::CorruptCommands => f.write_str("commands.corrupt"),
+            Self::CorruptStates => f.write_str("corrupt_states"),
             Self::Refused => f.write_str("requests_refused"),
         }
     }
 }
 
-const REFUSALS: [Refusal; 6] = [
+const REFUSALS: [Refusal; 7] = [
     Refusal::WrongRobot,
     Refusal::OldEpoch,
     Refusal::OldTick,
     Refusal::Expired,
     Refusal::Validity,
     Refusal::Input,
+    Refusal::Future,
 ];
 
 /// What the gates refused and the operator was refused: counted where it happens, over all runs.
@@ -67,6 +74,8 @@ const REFUSALS: [Refusal; 6] = [
 pub(crate) struct Outside {
     gates: [u64; REFUSALS.len()],
     pub(crate) refused: u64,
+    /// Samples that drivers found corrupted.
+    pub(crate) corrupt: u64,
 }
 
 impl Outside {
@@ -94,12 +103,14 @@ impl Tally {
             (Counter::SendFailures, counts.send_failures),
             (Counter::LostRecords, counts.lost_records),
             (Counter::Panics, counts.worker_panics),
-            (Counter::WorkersLost, counts.workers_lost),
+            (Counter::Rests, counts.worker_rests),
             (Counter::Silent, silenced),
         ]);
         let stops = |reason: StopReason| counts.stops.get(reason.name()).copied().unwrap_or(0);
         all.extend(StopReason::ALL.into_iter().map(|reason| (Counter::Stop(reason), stops(reason))));
         all.extend(REFUSALS.into_iter().zip(outside.gates).map(|(refusal, n)| (Counter::Gate(refusal), n)));
+        all.push((Counter::CorruptStates, counts.corrupt_states));
+        all.push((Counter::CorruptCommands, outside.corrupt));
         all.push((Counter::Refused, outside.refused));
         Self(all)
     }

@@ -8,12 +8,16 @@ use super::kind::Kind;
 use super::oracle::{Genuine, keep_apart};
 use super::plan::{Class, Plan};
 use super::tally::Outside;
-use crate::channel::memory::{Memory, Message, Queue};
+use crate::channel::memory::{Memory, Message};
+use crate::channel::{Channel, CommandReader, Reader, Record};
 use crate::geometry::{Pose, TimedArc, Vec2};
 use crate::model::RobotId;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::wire::{ObservationHeader, RobotCommand, RobotObservation};
+
+/// Name of the simulated fleet.
+pub(crate) const FLEET: &str = "simulated";
 
 /// Who sends observations of some robots and takes their commands.
 pub(crate) struct Driver {
@@ -22,7 +26,7 @@ pub(crate) struct Driver {
     sequence: u64,
     /// The run of the daemon that it follows.
     epoch: u64,
-    commands: Arc<Queue<RobotCommand>>,
+    commands: CommandReader,
     /// The sample that it sent last.
     sent: Option<Message<RobotObservation>>,
     /// Samples that are on their way for longer, and when they come.
@@ -78,7 +82,7 @@ impl World {
             writer: memory.identity(),
             sequence: plan.sequence,
             epoch: 0,
-            commands: memory.command.subscribe(),
+            commands: Reader::local(memory.command.subscribe(), Channel::Command.seal(FLEET)),
             sent: None,
             late: Vec::new(),
         };
@@ -208,14 +212,18 @@ impl World {
                 }
                 !comes
             });
-            let waiting = Arc::clone(&self.drivers[at].commands).edit(std::mem::take);
-            for message in waiting {
+            let Some(queue) = self.drivers[at].commands.queue().cloned() else { continue };
+            for message in queue.edit(std::mem::take) {
                 self.carry(at, message, (now_ns, period), active, &mut due);
             }
-            for message in due {
-                self.deliver(at, &message, now_ns);
+            queue.edit(|waiting| *waiting = due);
+            // As every receiver: what is not as it was sealed is not handed out.
+            while let Ok(Some(sample)) = self.drivers[at].commands.next() {
+                let (header, robots) = (*sample.header(), Arc::from(sample.robots()));
+                self.deliver(at, &Message { writer: sample.writer(), header, robots }, now_ns);
             }
         }
+        self.outside.corrupt = self.drivers.iter().map(|driver| driver.commands.corrupt()).sum();
     }
 
     /// One command sample on its way to driver `at`.
@@ -239,10 +247,17 @@ impl World {
                     copies = 0;
                 }
                 Kind::CmdRepeated if mine => copies *= 2,
+                Kind::CmdBit if mine => {
+                    let mut flipped = message.clone();
+                    flip(&mut flipped, one.fault.chance, one.applied);
+                    due.push_back(flipped);
+                    copies = 0;
+                }
                 Kind::CmdOldEpoch if mine => {
                     let mut old = message.clone();
                     old.header.epoch -= 1;
                     old.header.tick = old.header.tick.wrapping_add(3);
+                    Channel::Command.seal(FLEET).put(&mut old.header, &old.robots);
                     // Behind the real one: before it no newer run may be known.
                     due.push_back(message.clone());
                     due.push_back(old);
@@ -318,8 +333,12 @@ impl World {
         let robots: Vec<usize> =
             self.drivers[at].robots.iter().copied().filter(|index| present(*index)).collect();
         let driver = &mut self.drivers[at];
-        let mut header =
-            ObservationHeader { epoch: driver.epoch, sequence: driver.sequence, stamp_ns: now_ns };
+        let mut header = ObservationHeader {
+            epoch: driver.epoch,
+            sequence: driver.sequence,
+            stamp_ns: now_ns,
+            ..ObservationHeader::default()
+        };
         let mut records: Vec<RobotObservation> = robots
             .iter()
             .map(|index| {
@@ -428,7 +447,15 @@ impl World {
             active[which].applied += u64::from(done);
         }
         let driver = &mut self.drivers[at];
-        let message = Message { writer: driver.writer, header, robots: Arc::from(records) };
+        let seal = Channel::Observation.seal(FLEET);
+        seal.put(&mut header, &records);
+        let mut message = Message { writer: driver.writer, header, robots: Arc::from(records) };
+        for one in active.iter_mut() {
+            if one.kind() == Kind::ObsBit && one.fault.target == at && one.acts_at(period) && times > 0 {
+                flip(&mut message, one.fault.chance, one.applied);
+                one.applied += 1;
+            }
+        }
         if times > 0 {
             driver.sequence = driver.sequence.wrapping_add(1);
             driver.sent = Some(message.clone());
@@ -440,7 +467,8 @@ impl World {
             self.memory.observation.send(&older);
         }
         if let Some(record) = pretender {
-            let header = ObservationHeader { sequence: self.false_sequence, ..header };
+            let mut header = ObservationHeader { sequence: self.false_sequence, ..header };
+            seal.put(&mut header, &[record]);
             self.false_sequence += 1;
             let robots = Arc::from(&[record][..]);
             self.memory.observation.send(&Message { writer: self.false_writer, header, robots });
@@ -470,6 +498,19 @@ impl World {
 
 fn way_m(pieces: &[TimedArc]) -> f64 {
     pieces.iter().map(|piece| piece.arc.v_mps.abs() * piece.duration_s()).sum()
+}
+
+/// Flips one bit of a sample, of its header or of its records.
+pub(crate) fn flip<R: Record>(message: &mut Message<R>, chance: f64, times: u64) {
+    let mut records = message.robots.to_vec();
+    let head = bytemuck::bytes_of_mut(&mut message.header);
+    let body: &mut [u8] = bytemuck::cast_slice_mut(&mut records);
+    let bits = 8 * (head.len() + body.len());
+    let bit = ((chance + times as f64 * 0.618_033_988_75).fract() * bits as f64) as usize % bits.max(1);
+    let byte = bit / 8;
+    let place = if byte < head.len() { &mut head[byte] } else { &mut body[byte - head.len()] };
+    *place ^= 1 << (bit % 8);
+    message.robots = Arc::from(records);
 }
 
 /// Makes one robot's record wrong; whether the kind is about that.
