@@ -24,10 +24,12 @@ mod recorder;
 pub mod replay;
 pub mod schema;
 mod segment;
+mod status;
 mod tap;
 mod tape;
 pub mod topic;
 mod view;
+mod writer;
 
 pub use configuration::Configurations;
 pub use convert::{Checkpoint, Command, Sample, State, Telemetry};
@@ -35,6 +37,7 @@ pub use error::RecordError;
 pub use gaps::{Gaps, Recorded};
 pub use options::{Compression, Options};
 pub use reading::{Ending, Piece, ReadError, Reading};
-pub use recorder::{ChannelCounts, Notice, Recorder, RunCounts, Status};
+pub use recorder::Recorder;
+pub use status::{ChannelCounts, Notice, RunCounts, Status};
 
-pub(crate) use recorder::Shared;
+pub(crate) use status::Shared;
