@@ -14,7 +14,7 @@ use std::time::Duration;
 use clearway::attach::Client;
 use clearway::runtime::{Daemon, Until};
 use recording::clearway;
-use rustix::process::Signal;
+use rustix::process::{Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 use serde_json::Value;
@@ -115,7 +115,8 @@ struct OnTerminal {
 }
 
 fn on_terminal(world: &World) -> OnTerminal {
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    // A child that had it would keep its own terminal.
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&master).unwrap();
     unlockpt(&master).unwrap();
     tcsetwinsize(&master, Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
@@ -183,4 +184,26 @@ fn a_terminal_is_put_back_and_a_killed_monitor_changes_nothing() {
     daemon.stop();
     let report = daemon.join().unwrap();
     assert_eq!(report.control.violations, 0);
+}
+
+#[test]
+fn it_ends_when_its_terminal_is_gone_whether_or_not_a_signal_says_so() {
+    let world = World::new("top_gone");
+    let daemon = Daemon::start(config(&world, lanes(3, 500.0), PERIOD_NS), Until::Stopped).unwrap();
+    for signal in [None, Some(Signal::HUP)] {
+        let mut top = on_terminal(&world);
+        top.reads("RUNNING");
+        let OnTerminal { mut process, terminal, end } = top;
+        // The terminal's window is closed: nobody holds the other side any more.
+        drop((terminal, end));
+        if let Some(signal) = signal {
+            // It may have ended already.
+            let _ = kill_process(process.id(), signal);
+        }
+        // By itself, and not by the signal.
+        let status = process.wait();
+        assert!(status.code().is_some(), "{signal:?}: {status}");
+    }
+    daemon.stop();
+    daemon.join().unwrap();
 }

@@ -2,6 +2,7 @@
 
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Signal, getpid, kill_process};
 use std::io;
 use std::time::{Duration, Instant};
@@ -59,7 +60,30 @@ impl Drop for Restore {
     }
 }
 
-/// Shows the fleet until the operator, or a signal, ends it.
+/// How long the loop may take to end once it is to.
+const ENDS_WITHIN: Duration = Duration::from_secs(1);
+
+/// Asks for the end when the terminal is gone: closed, or its connection lost. Then, and when a signal has asked
+/// for it, ends the process if it does not end by itself: who reads keys from a terminal that is gone does not
+/// come back.
+fn watch(stop: Stop) -> io::Result<()> {
+    let watching = move || {
+        let input = io::stdin();
+        let every = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
+        while !stop.is_asked() {
+            // That it is gone is told without being asked for.
+            let mut ends = [PollFd::new(&input, PollFlags::empty())];
+            if poll(&mut ends, Some(&every)).is_ok_and(|count| count > 0) {
+                stop.ask();
+            }
+        }
+        std::thread::sleep(ENDS_WITHIN);
+        std::process::exit(0);
+    };
+    std::thread::Builder::new().name("terminal".into()).spawn(watching).map(drop)
+}
+
+/// Shows the fleet until the operator, a signal or the end of the terminal ends it.
 ///
 /// # Errors
 /// When the terminal cannot be used.
@@ -71,6 +95,7 @@ pub(crate) fn run(
     redraw_every: Duration,
 ) -> io::Result<()> {
     let stop = Stop::listen_to_terminal(Again::Waits)?;
+    watch(stop.clone())?;
     let mut terminal = ratatui::try_init()?;
     let _restore = Restore;
     let mut view = View::default();
