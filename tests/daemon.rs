@@ -2,12 +2,15 @@
 
 mod support;
 
+use clearway::attach::Client;
 use clearway::channel::{ChannelError, CommandReader, StateReader, TelemetryReader, Transport};
-use clearway::runtime::{Daemon, DaemonError, Until};
+use clearway::controller::Decision;
+use clearway::runtime::{Daemon, DaemonError, Decider, Until};
 use clearway::scenario::Scenario;
 use clearway::schedule::TICK_MAX;
-use clearway::wire::{SolveStatus, StopReason, state_flags};
-use support::{World, config, lanes, straight};
+use clearway::wire::{RobotState, SolveStatus, StopReason, admin_flags, state_flags};
+use support::process::until;
+use support::{Straight, World, config, lanes, straight};
 
 const T: u64 = 10_000_000;
 
@@ -167,4 +170,35 @@ fn a_run_may_begin_at_a_large_tick() {
         assert_eq!(seen.len() as u64, report.ticks);
         assert!(seen.is_sorted() && seen.iter().all(|tick| (first_tick..first_tick + ticks).contains(tick)));
     }
+}
+
+#[test]
+fn a_worker_that_rests_after_repeated_panics_is_told_of_and_the_others_go_on() {
+    struct Broken(Straight);
+    impl Decider for Broken {
+        fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
+            if self.0.owned.start == 0 {
+                std::panic::resume_unwind(Box::new("a fault, injected"));
+            }
+            self.0.decide(fleet, each);
+        }
+    }
+    let world = World::new("rests");
+    let mut config = config(&world, lanes(2, 5000.0), T);
+    config.timing.workers = Some(2);
+    let make = straight(T);
+    let daemon =
+        Daemon::start_with(config.clone(), Until::Stopped, move |owned| make(owned).map(Broken)).unwrap();
+    let client = Client::connect_at(&config.fleet, &world.channel).unwrap();
+    let (mut admin, mut states) = (client.admin().unwrap(), client.states().unwrap());
+    let status = until(|| {
+        let status = admin.status().ok()?;
+        status.figures.has(admin_flags::WORKER_RESTING).then_some(status)
+    });
+    assert!(status.figures.worker_panics >= 4, "{:?}", status.figures);
+    let sample = until(|| states.next().unwrap().filter(|sample| sample.robots()[1].v_mps > 0.0));
+    assert_eq!(sample.robots()[0].v_mps, 0.0);
+    drop((sample, states, admin, client));
+    daemon.stop();
+    daemon.join().unwrap();
 }

@@ -49,8 +49,8 @@ pub fn store(path: &Path, text: &str) -> io::Result<()> {
 /// # Errors
 /// It has no other name.
 pub fn keep_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
-    let names = (1..=ASIDE_MAX).map(|n| beside(path, &format!("{why}-{n}")));
-    let name = names.clone().find(|name| !name.exists()).or_else(|| names.last());
+    let mut names = (1..=ASIDE_MAX).map(|n| beside(path, &format!("{why}-{n}")));
+    let name = names.clone().find(|name| !name.exists()).or_else(|| names.next_back());
     let name = name.unwrap_or_else(|| beside(path, why));
     // The original stays until it is replaced: at no moment is there none.
     if std::fs::hard_link(path, &name).is_err() {

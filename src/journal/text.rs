@@ -155,7 +155,7 @@ impl Robot {
     fn spec(&self) -> Result<RobotSpec, String> {
         let (Self { id, radius_m, start: [x, y, theta_rad], goal }, [goal_x, goal_y]) = (self, self.goal);
         let finite = goal.iter().chain(&self.start).all(|number| number.is_finite());
-        if !finite || !(*radius_m > 0.0 && *radius_m <= SIZE_MAX_M) || *id == NO_ROBOT {
+        if !(finite && *radius_m > 0.0 && *radius_m <= SIZE_MAX_M) || *id == NO_ROBOT {
             return Err(format!("robot {id} is none: a number is out of range"));
         }
         Ok(RobotSpec {

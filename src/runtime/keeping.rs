@@ -60,7 +60,7 @@ pub enum JournalError {
     },
 }
 
-fn failed(path: &Path, what: &'static str, reason: impl ToString) -> JournalError {
+fn failed(path: &Path, what: &'static str, reason: &std::io::Error) -> JournalError {
     JournalError::File { path: path.display().to_string(), what, reason: reason.to_string() }
 }
 
@@ -85,7 +85,7 @@ impl Opened {
         let Some(path) = config.journal.path.clone().filter(|_| until == Until::Stopped) else {
             return Ok((config, None));
         };
-        let found = file::load(&path).map_err(|e| failed(&path, "read", e))?;
+        let found = file::load(&path).map_err(|e| failed(&path, "read", &e))?;
         let fresh = config.journal.fresh;
         let kept = found.as_deref().filter(|_| !fresh).map(Kept::decode);
         let Resumed { config, kept, again, aside, notes } = resume(config, kept, &Moment::now())
@@ -110,16 +110,16 @@ impl Opened {
     /// [`JournalError::Changed`], or it cannot be written.
     pub(super) fn begin(mut self, epoch: u64) -> Result<Keeper, DaemonError> {
         let path = self.path;
-        if file::load(&path).map_err(|e| failed(&path, "read", e))? != self.found {
+        if file::load(&path).map_err(|e| failed(&path, "read", &e))? != self.found {
             return Err(JournalError::Changed { path: path.display().to_string() }.into());
         }
         if let Some(why) = self.aside {
-            let aside = file::keep_aside(&path, why).map_err(|e| failed(&path, "kept aside", e))?;
+            let aside = file::keep_aside(&path, why).map_err(|e| failed(&path, "kept aside", &e))?;
             self.notes
                 .push(Note { alarm: true, text: format!("what it held is kept as {}", aside.display()) });
         }
         self.kept.epoch = epoch;
-        file::store(&path, &self.kept.encode()).map_err(|e| failed(&path, "written", e))?;
+        file::store(&path, &self.kept.encode()).map_err(|e| failed(&path, "written", &e))?;
         for Note { alarm, text } in &self.notes {
             if *alarm {
                 tracing::warn!("journal {}: {text}", path.display());

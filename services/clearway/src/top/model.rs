@@ -318,7 +318,7 @@ impl Model {
                     ));
                 }
                 Some(_) => {
-                    alerts.push("STOPPED: the journal could not be read; clear, then resume".to_owned())
+                    alerts.push("STOPPED: the journal could not be read; clear, then resume".to_owned());
                 }
                 None => {}
             }
