@@ -10,6 +10,13 @@ pub(super) const WIDTH: usize = 8;
 /// One number for each of them.
 pub(super) type Wide = [f64; WIDTH];
 
+/// One of all the numbers: half of them against the other half, and so on.
+#[inline(always)]
+fn reduce(wide: &Wide, choose: impl Fn(f64, f64) -> f64) -> f64 {
+    let four: [f64; WIDTH / 2] = std::array::from_fn(|i| choose(wide[i], wide[i + WIDTH / 2]));
+    choose(choose(four[0], four[2]), choose(four[1], four[3]))
+}
+
 /// Where the candidates of a row are, and their headings.
 #[derive(Clone, Copy)]
 pub(super) struct Motion {
@@ -22,14 +29,10 @@ pub(super) struct Motion {
 impl Motion {
     #[inline(always)]
     pub(super) fn area(&self) -> Area {
-        let mut area = Area { min: Vec2::new(self.x[0], self.y[0]), max: Vec2::new(self.x[0], self.y[0]) };
-        for lane in 1..WIDTH {
-            area.min.x = least(area.min.x, self.x[lane]);
-            area.min.y = least(area.min.y, self.y[lane]);
-            area.max.x = most(area.max.x, self.x[lane]);
-            area.max.y = most(area.max.y, self.y[lane]);
+        Area {
+            min: Vec2::new(reduce(&self.x, least), reduce(&self.y, least)),
+            max: Vec2::new(reduce(&self.x, most), reduce(&self.y, most)),
         }
-        area
     }
 
     pub(super) fn repeat(&mut self, from: usize, to: usize) {

@@ -6,7 +6,7 @@
 
 use super::candidates::Best;
 use super::lanes::{Motion, Row, WIDTH, Wide};
-use super::others::{Which, least, most};
+use super::others::{Area, Which, least, most};
 use super::predict::STEPS;
 use super::scene::Scene;
 use super::types::NEIGHBOURS_MAX;
@@ -53,13 +53,14 @@ impl Scene<'_> {
             hx: [heading.x; WIDTH],
             hy: [heading.y; WIDTH],
         };
+        let mut area = at.area();
         let mut left = [left_at_start; WIDTH];
         let (mut time, mut fade) = (0.0, 1.0);
         let mut path = [0.0; WIDTH];
         let mut worst = [[0.0; WIDTH]; NEIGHBOURS_MAX];
         for k in 0..STEPS {
             let mut v = self.turn(&mut at, &left, row, time < params.hold_s);
-            self.slow(&mut v, &at, k);
+            self.slow(&mut v, &at, &area, k);
             let mut scrape = [0.0; WIDTH];
             if !self.obstacles.is_empty() {
                 for lane in 0..WIDTH {
@@ -74,8 +75,9 @@ impl Scene<'_> {
                 next.y[lane] = at.y[lane] + at.hy[lane] * travel;
                 path[lane] += travel;
             }
-            let raised = self.closeness(&at, &next, k, fade, &mut worst);
-            at = next;
+            let next_area = next.area();
+            let raised = self.closeness((&at, &area), (&next, &next_area), k, fade, &mut worst);
+            (at, area) = (next, next_area);
             time += dt;
             let (mut lost, mut bound) = ([0.0; WIDTH], [0.0; WIDTH]);
             for lane in 0..WIDTH {
@@ -118,6 +120,7 @@ impl Scene<'_> {
                 at.repeat(with, lane);
                 left[lane] = left[with];
             }
+            area = at.area();
         }
     }
 
@@ -150,9 +153,9 @@ impl Scene<'_> {
 
     /// Slows down to the speed that the hard rows of the neighbours would leave.
     #[inline(always)]
-    fn slow(&self, v: &mut Wide, at: &Motion, k: usize) {
+    fn slow(&self, v: &mut Wide, at: &Motion, area: &Area, k: usize) {
         let rate = self.params.row_rate;
-        for other in self.others.slowing(&at.area(), k) {
+        for other in self.others.slowing(area, k) {
             let (place, required_m, slow_m2) =
                 (self.others.at(k, other), self.others.required_m[other], self.others.slow_m2[other]);
             for lane in 0..WIDTH {
@@ -187,15 +190,15 @@ impl Scene<'_> {
     #[inline(always)]
     fn closeness(
         &self,
-        at: &Motion,
-        next: &Motion,
+        (at, area): (&Motion, &Area),
+        (next, next_area): (&Motion, &Area),
         k: usize,
         fade: f64,
         worst: &mut [Wide; NEIGHBOURS_MAX],
     ) -> Wide {
         let params = self.params;
         let mut raised = [0.0; WIDTH];
-        for other in self.others.passing(&at.area(), &next.area(), k) {
+        for other in self.others.passing(area, next_area, k) {
             let (required_m, margin_m) = (self.others.required_m[other], self.others.margin_m[other]);
             let (before, after) = (self.others.at(k, other), self.others.at(k + 1, other));
             let reach_m2 = (required_m + margin_m) * (required_m + margin_m);

@@ -34,15 +34,19 @@ pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, par
         }
         let relative = mine - theirs * (limits.v_max_mps / their_left);
         let offset = n.position_m - ego.position_m;
+        let approach = offset.dot(&relative);
+        // Diverging.
+        if approach <= 0.0 {
+            continue;
+        }
         let d = offset.norm();
         let speed = relative.norm();
         if speed < 1e-3 || d < 1e-6 {
             continue;
         }
-        let along = offset.dot(&relative) / speed;
-        let time = along / speed;
-        // Diverging, or one of them is at its target before they meet.
-        if along <= 0.0 || time > my_time || time > their_left / limits.v_max_mps {
+        let time = approach / speed / speed;
+        // One of them is at its target before they meet.
+        if time > my_time || time > their_left / limits.v_max_mps {
             continue;
         }
         // Positive when the neighbour stays on the left, as the rule wants.
