@@ -31,7 +31,8 @@ pub fn load(path: &Path) -> io::Result<Option<Vec<u8>>> {
 /// of before or the new one; on return it is the new one, on the disk.
 ///
 /// # Errors
-/// It is not written, and the one of before is still there.
+/// It could not be written, and the one of before is still there; or the directory could not be synced,
+/// and the new one is there, but may be gone after a loss of power. [`load`] tells which.
 pub fn store(path: &Path, text: &str) -> io::Result<()> {
     let new = beside(path, "new");
     let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&new)?;
@@ -52,11 +53,25 @@ pub fn keep_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
     let mut names = (1..=ASIDE_MAX).map(|n| beside(path, &format!("{why}-{n}")));
     let name = names.clone().find(|name| !name.exists()).or_else(|| names.next_back());
     let name = name.unwrap_or_else(|| beside(path, why));
+    // By way of a third name: the last one may be another name of this very file, which a copy would empty.
+    let new = beside(path, "aside");
+    remove(&new)?;
     // The original stays until it is replaced: at no moment is there none.
-    if std::fs::hard_link(path, &name).is_err() {
-        std::fs::copy(path, &name)?;
+    if std::fs::hard_link(path, &new).is_err() {
+        std::fs::copy(path, &new)?;
+        File::open(&new)?.sync_all()?;
     }
+    std::fs::rename(&new, &name)?;
+    // Two names of one file are left as they are by a renaming.
+    remove(&new)?;
     Ok(name)
+}
+
+fn remove(path: &Path) -> io::Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
 }
 
 fn beside(path: &Path, ending: &str) -> PathBuf {
@@ -118,5 +133,27 @@ mod tests {
             store(&path, "new").unwrap();
             assert_eq!(load(&aside).unwrap().unwrap(), text.as_bytes());
         }
+    }
+
+    #[test]
+    fn when_every_name_is_taken_the_last_one_goes_and_nothing_is_emptied() {
+        let folder = Folder::new("aside_full");
+        let path = folder.0.join("a.journal");
+        store(&path, "one").unwrap();
+        for _ in 0..ASIDE_MAX {
+            keep_aside(&path, "damaged").unwrap();
+        }
+        // Twice the same file, as when the start after the first time failed, and then another one.
+        for text in ["one", "two"] {
+            if text == "two" {
+                store(&path, text).unwrap();
+            }
+            let aside = keep_aside(&path, "damaged").unwrap();
+            assert!(aside.to_string_lossy().ends_with("damaged-99"));
+            assert_eq!(load(&aside).unwrap().unwrap(), text.as_bytes());
+            assert_eq!(load(&path).unwrap().unwrap(), text.as_bytes());
+            assert!(!beside(&path, "aside").exists());
+        }
+        assert_eq!(load(&beside(&path, "damaged-98")).unwrap().unwrap(), b"one");
     }
 }
