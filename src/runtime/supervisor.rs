@@ -35,6 +35,7 @@ pub enum SupervisorError {
 #[derive(Debug)]
 pub struct Supervisor {
     socket: UnixDatagram,
+    address: SocketAddr,
     watchdog: Option<Duration>,
 }
 
@@ -73,10 +74,11 @@ impl Supervisor {
                 return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is neither a path nor abstract"));
             }
         };
+        UnixDatagram::unbound()?.connect_addr(&address)?;
+        // Not connected itself: a supervisor that was started again listens with another socket.
         let socket = UnixDatagram::unbound()?;
-        socket.connect_addr(&address)?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, watchdog })
+        Ok(Self { socket, address, watchdog })
     }
 
     /// Within what time it wants to hear that all is well.
@@ -84,9 +86,9 @@ impl Supervisor {
         self.watchdog
     }
 
-    /// Says it; false when there is no room, or nobody listens any more.
+    /// Says it; false when there is no room, or nobody listens just now.
     pub(super) fn tell(&self, text: &str) -> bool {
-        self.socket.send(text.as_bytes()).is_ok_and(|sent| sent == text.len())
+        self.socket.send_to_addr(text.as_bytes(), &self.address).is_ok_and(|sent| sent == text.len())
     }
 }
 
@@ -118,5 +120,22 @@ mod tests {
         for address in ["", "relative", "/no/such/socket", "@clearway_nobody_listens_here"] {
             assert!(Supervisor::at(address.as_bytes(), None).is_err(), "{address:?}");
         }
+    }
+
+    #[test]
+    fn a_supervisor_that_was_started_again_hears_as_before() {
+        let path = std::env::temp_dir().join(format!("clearway_supervisor_again_{}", std::process::id()));
+        let first = UnixDatagram::bind(&path).unwrap();
+        let supervisor = Supervisor::at(path.as_os_str().as_bytes(), None).unwrap();
+        assert!(supervisor.tell("READY=1\n"));
+        drop(first);
+        std::fs::remove_file(&path).unwrap();
+        assert!(!supervisor.tell("WATCHDOG=1\n"));
+        let second = UnixDatagram::bind(&path).unwrap();
+        assert!(supervisor.tell("WATCHDOG=1\n"));
+        let mut bytes = [0; 64];
+        let length = second.recv(&mut bytes).unwrap();
+        assert_eq!(&bytes[..length], b"WATCHDOG=1\n");
+        std::fs::remove_file(&path).unwrap();
     }
 }
