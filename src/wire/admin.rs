@@ -144,7 +144,7 @@ impl AdminAnswer {
 pub mod admin_flags {
     /// The fleet is paused, until it is resumed.
     pub const PAUSED: u32 = 1;
-    /// The fleet was stopped by an operator, until that is cleared.
+    /// The fleet is stopped, by an operator or by the daemon itself, until that is cleared.
     pub const STOPPED: u32 = 1 << 1;
     /// The kernel refused a real-time call.
     pub const DEGRADED: u32 = 1 << 2;

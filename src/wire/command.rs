@@ -84,7 +84,7 @@ pub enum StopReason {
     Foreign = 9,
     /// The fleet is paused.
     Paused = 10,
-    /// An operator stopped the fleet, until that is cleared.
+    /// The fleet is stopped, by an operator or by the daemon itself, until that is cleared.
     Stopped = 11,
     /// There is no robot: a free place of the fleet.
     Vacant = 12,

@@ -16,7 +16,7 @@ pub mod state_flags {
     pub const VACANT: u32 = 1 << 3;
     /// The fleet is paused: the robot is told to stop until it is resumed.
     pub const PAUSED: u32 = 1 << 4;
-    /// The fleet was stopped by an operator: the robot is told to stop until that is cleared.
+    /// The fleet is stopped, by an operator or by the daemon itself: the robot is told to stop until that is cleared.
     pub const STOPPED: u32 = 1 << 5;
 }
 

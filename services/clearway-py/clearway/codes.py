@@ -21,7 +21,7 @@ class StateFlags(IntFlag):
     PAUSED = 1 << 4
     """The fleet is paused until it is resumed."""
     STOPPED = 1 << 5
-    """The fleet was stopped by an operator until that is cleared."""
+    """The fleet is stopped, by an operator or by the daemon itself, until that is cleared."""
 
 
 class TelemetryFlags(IntFlag):
@@ -41,7 +41,7 @@ class AdminFlags(IntFlag):
     PAUSED = 1 << 0
     """The fleet is paused until it is resumed."""
     STOPPED = 1 << 1
-    """The fleet was stopped by an operator until that is cleared."""
+    """The fleet is stopped, by an operator or by the daemon itself, until that is cleared."""
     DEGRADED = 1 << 2
     """The kernel refused a real-time call."""
     MEMORY_LOCKED = 1 << 3
@@ -86,7 +86,7 @@ class StopReason(IntEnum):
     PAUSED = 10
     """The fleet is paused."""
     STOPPED = 11
-    """An operator stopped the fleet, until that is cleared."""
+    """The fleet is stopped, by an operator or by the daemon itself, until that is cleared."""
     VACANT = 12
     """There is no robot: a free place of the fleet."""
     CORRUPT = 13

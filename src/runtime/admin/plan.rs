@@ -140,7 +140,7 @@ impl Plan {
             AdminKind::Clear => hold(0, stopped),
             AdminKind::Resume if self.hold & stopped != 0 => Err(Refusal::fleet(
                 AdminCode::Stopped,
-                "the fleet was stopped by an operator: clear that first, then resume".to_owned(),
+                "the fleet is stopped: clear that first, then resume".to_owned(),
             )),
             AdminKind::Resume => hold(0, paused),
             AdminKind::Status | AdminKind::Configuration | AdminKind::Scenario => {
