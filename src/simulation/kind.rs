@@ -181,8 +181,8 @@ kinds! {
     /// A coordinate is subnormal.
     ObsSubnormal => Promise {
         counters: &[Rejected(Rejection::Jump)], stops: UNSEEN, lasts: (1, 3), recovery: READMITTED,
-        named: false,
-        ..one("obs-subnormal", Scope::Robot, "a number like any other: refused where it is a jump")
+        named: false, keeps_clear: false,
+        ..one("obs-subnormal", Scope::Robot, "a number like any other: refused where it is a jump, else believed")
     };
     /// A coordinate is outside of the arena.
     ObsOutOfRange => Promise {
@@ -218,7 +218,7 @@ kinds! {
     };
     /// An older sample after a newer one.
     ObsReordered => Promise {
-        counters: &[Rejected(Rejection::Reordered), Skipped, Rejected(Rejection::Repeated)], lasts: (1, 4), says: REFUSED,
+        counters: &[Rejected(Rejection::Reordered), Skipped, Rejected(Rejection::Repeated), Rejected(Rejection::Stale)], lasts: (1, 4), says: REFUSED,
         ..one("obs-reordered", Scope::Driver, "refused; nothing else happens")
     };
     /// Samples are lost on the way.
