@@ -169,7 +169,7 @@ kinds! {
     };
     /// The daemon is killed and started again.
     Kill => Promise {
-        counters: &[Rejected(Rejection::Epoch), Gate(Refusal::OldEpoch)],
+        counters: &[Rejected(Rejection::Epoch), Gate(Refusal::OldEpoch), Gate(Refusal::Future)],
         stops: &[StopReason::Start, StopReason::NoState], recovery: 6, lasts: (3, 12), named: false,
         ..one("kill", Scope::Fleet, "robots stop when their commands expire; a new epoch, the goals resume")
     };
@@ -228,7 +228,7 @@ kinds! {
     };
     /// The sequence number is far ahead.
     ObsGap => Promise {
-        counters: &[Rejected(Rejection::Gap), Skipped], stops: UNSEEN, lasts: (1, 3), recovery: 2, says: REFUSED,
+        counters: &[Rejected(Rejection::Gap), Skipped, Rejected(Rejection::Reordered)], stops: UNSEEN, lasts: (1, 3), recovery: 2, says: REFUSED,
         ..one("obs-gap", Scope::Driver, "refused; the writer's next number is believed again")
     };
     /// The sample follows another run of the daemon.

@@ -379,8 +379,8 @@ fn scenario(
             let walls = (0..4).map(|i| Obstacle::Segment { from_m: corners[i], to_m: corners[(i + 1) % 4] });
             scenario.obstacles.extend(walls);
             // Nobody else is in the box, or wants to be.
-            for (index, robot) in scenario.robots.iter_mut().enumerate().skip(1) {
-                let away = Vec2::new(0.0, 40.0 + 3.0 * index as f64);
+            for robot in scenario.robots.iter_mut().skip(1) {
+                let away = Vec2::new(0.0, 60.0);
                 robot.start.position_m += away;
                 robot.goal_m += away;
             }
