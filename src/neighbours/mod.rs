@@ -204,7 +204,7 @@ fn in_order(found: &[Nearby]) -> Option<[Nearby; RANKED_MAX]> {
     let mut sorted = [Nearby { distance_m: 0.0, id: 0, index: 0 }; RANKED_MAX];
     let mut taken = 0u64;
     for (n, rank) in found.iter().zip(ranks(&distances_m, &ids, found.len())) {
-        sorted[rank as usize % RANKED_MAX] = *n;
+        sorted[rank % RANKED_MAX] = *n;
         taken |= 1 << rank;
     }
     (taken.count_ones() as usize == found.len()).then_some(sorted)

@@ -4,6 +4,7 @@
 //! one instruction makes several comparisons.
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
+#![expect(clippy::needless_range_loop, reason = "a lane indexes several arrays")]
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 /// Most numbers that are ranked.
@@ -15,7 +16,7 @@ const WIDTH: usize = 8;
 pub(super) type Lanes = [f64; RANKED_MAX];
 
 /// How many of the first `count` pairs (`first`, `second`) come before each of them.
-pub(super) fn ranks(first: &Lanes, second: &Lanes, count: usize) -> [u64; RANKED_MAX] {
+pub(super) fn ranks(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
     #[cfg(target_arch = "x86_64")]
     {
         if std::arch::is_x86_feature_detected!("avx512f") && std::arch::is_x86_feature_detected!("avx512vl") {
@@ -32,27 +33,27 @@ pub(super) fn ranks(first: &Lanes, second: &Lanes, count: usize) -> [u64; RANKED
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl")]
-fn ranks_avx512(first: &Lanes, second: &Lanes, count: usize) -> [u64; RANKED_MAX] {
+fn ranks_avx512(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
     ranks_of_all(first, second, count)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn ranks_avx2(first: &Lanes, second: &Lanes, count: usize) -> [u64; RANKED_MAX] {
+fn ranks_avx2(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
     ranks_of_all(first, second, count)
 }
 
 #[inline(always)]
-fn ranks_of_all(first: &Lanes, second: &Lanes, count: usize) -> [u64; RANKED_MAX] {
+fn ranks_of_all(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
     let count = count.min(RANKED_MAX);
     let mut ranks = [0; RANKED_MAX];
     let parts = ranks.chunks_exact_mut(WIDTH).zip(first.chunks_exact(WIDTH).zip(second.chunks_exact(WIDTH)));
     for (ranks, (mine, my_second)) in parts.take(count.div_ceil(WIDTH)) {
-        let mut before = [0u64; WIDTH];
+        let mut before = [0; WIDTH];
         for (other, other_second) in first[..count].iter().zip(second) {
             for lane in 0..WIDTH {
                 let tied = (*other == mine[lane]) & (*other_second < my_second[lane]);
-                before[lane] += u64::from((*other < mine[lane]) | tied);
+                before[lane] += usize::from((*other < mine[lane]) | tied);
             }
         }
         ranks.copy_from_slice(&before);
@@ -81,7 +82,7 @@ mod tests {
             sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
             let narrow = ranks_of_all(&first, &second, pairs.len());
             for (pair, rank) in pairs.iter().zip(narrow) {
-                prop_assert_eq!(&sorted[usize::try_from(rank).unwrap()], pair);
+                prop_assert_eq!(&sorted[rank], pair);
             }
             prop_assert_eq!(&ranks(&first, &second, pairs.len())[..pairs.len()], &narrow[..pairs.len()]);
             #[cfg(target_arch = "x86_64")]
