@@ -11,7 +11,9 @@ use super::Params;
 use super::lanes::{WIDTH, Wide};
 use super::others::{least, most};
 use super::types::{Limits, Neighbour};
-use crate::geometry::{Vec2, rotate, unit};
+use crate::geometry::unit;
+#[cfg(test)]
+use crate::geometry::{Vec2, rotate};
 
 /// Steps of the prediction.
 pub(super) const STEPS: usize = 16;
@@ -88,6 +90,7 @@ impl Turn {
     }
 
     /// `h` turned toward the unit vector `to` by at most one step.
+    #[cfg(test)]
     pub(super) fn toward(&self, h: Vec2, to: Vec2) -> Vec2 {
         if h.dot(&to) >= self.cos {
             to
