@@ -73,8 +73,6 @@ pub struct Neighbour {
 pub(super) struct Bearing {
     /// Unit vector from the neighbour to the point (n_ij).
     pub normal: Vec2,
-    /// Distance of the centres, m.
-    pub distance_m: f64,
     /// Distance beyond the required one.
     pub gap_m: f64,
 }
@@ -83,7 +81,7 @@ impl Neighbour {
     pub(super) fn seen_from(&self, p: Vec2) -> Bearing {
         let offset = p - self.position_m;
         let distance_m = offset.norm().max(1e-6);
-        Bearing { normal: offset / distance_m, distance_m, gap_m: distance_m - self.required_distance_m }
+        Bearing { normal: offset / distance_m, gap_m: distance_m - self.required_distance_m }
     }
 }
 
