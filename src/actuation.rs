@@ -394,4 +394,21 @@ mod tests {
         g.offer(&at(500, 1500), &go(2.0), 420).unwrap();
         assert_eq!((g.input(1499).v_mps, g.input(1500).v_mps, g.refused()), (2.0, 0.0, 3));
     }
+
+    #[test]
+    fn as_far_ahead_as_a_clock_may_be_read_early_and_no_further() {
+        // Published up to 1000 ns after now, and to act up to 1000 ns after that.
+        let ahead = |stamp_ns, from| CommandHeader {
+            stamp_ns,
+            state_stamp_ns: stamp_ns,
+            valid_from_ns: from,
+            valid_until_ns: from + 100,
+            ..header(1, 5)
+        };
+        assert_eq!(gate().offer(&ahead(1420, 2420), &go(1.0), 420), Ok(()));
+        assert_eq!(gate().offer(&ahead(1421, 2420), &go(1.0), 420), Err(Refusal::Future));
+        assert_eq!(gate().offer(&ahead(1420, 2421), &go(1.0), 420), Err(Refusal::Future));
+        // Announced however early, a stop is a stop.
+        assert_eq!(gate().offer(&ahead(1420, 9000), &go(0.0), 420), Ok(()));
+    }
 }

@@ -208,6 +208,16 @@ proptest! {
 }
 
 #[test]
+fn safety_rows_narrow_the_interval_from_their_side() {
+    let mut p = programme();
+    assert_eq!(p.admissible_v(), p.v_mps);
+    for (coefficient, bound) in [(2.0, 1.0), (-4.0, 1.0)] {
+        assert!(p.push_safety(Row { coefficient, bound }));
+    }
+    assert_eq!(p.admissible_v(), Interval { min: -0.25, max: 0.5 });
+}
+
+#[test]
 fn a_row_without_a_coefficient_leaves_every_speed() {
     for coefficient in [0.0, -0.0] {
         let mut p = programme();

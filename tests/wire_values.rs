@@ -398,10 +398,10 @@ mod admin {
             let code = ask(AdminRobot { id, ..NEW });
             prop_assert_eq!(code, (id < 8 || id == u32::MAX).then_some(AdminCode::TakenId));
             let code = ask(AdminRobot { start_x_m, ..NEW });
-            let expected = if !start_x_m.is_finite() {
-                Some(AdminCode::NotFinite)
-            } else {
+            let expected = if start_x_m.is_finite() {
                 (start_x_m.hypot(20.0) > SourceConfig::default().arena_m).then_some(AdminCode::OutsideArena)
+            } else {
+                Some(AdminCode::NotFinite)
             };
             prop_assert_eq!(code, expected);
         }
