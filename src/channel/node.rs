@@ -38,9 +38,9 @@ const MANAGEMENT_BYTES: usize = 2 << 20;
 /// What one more process takes to join: its node, its ports, and the writers' connections to them.
 const JOIN_BYTES: u64 = 128 << 10;
 
-/// How often the daemon looks for a moment in which it can mend its channels.
-const MEND_LOOKS: u32 = 50;
-const MEND_EVERY: Duration = Duration::from_millis(7);
+/// How often the daemon looks for a moment in which it can mend its channels, and for room.
+const LOOKS: u32 = 50;
+const LOOK_EVERY: Duration = Duration::from_millis(7);
 
 fn sample_bytes<R: Record>(robots: usize) -> usize {
     robots * size_of::<R>() + size_of::<R::Header>()
@@ -106,12 +106,15 @@ impl Transport {
     /// [`ChannelError::Full`]. A file system that cannot be asked is taken to be large enough.
     pub fn check_room(&self, robots: usize, admin_clients: usize) -> Result<(), ChannelError> {
         let needed_bytes = self.needed_bytes(robots, admin_clients);
-        match room::free_bytes() {
-            Some(free_bytes) if free_bytes < needed_bytes => {
-                Err(ChannelError::Full { robots, needed_bytes, free_bytes })
+        let short = || room::free_bytes().filter(|free| *free < needed_bytes);
+        for _ in 0..LOOKS {
+            if short().is_none() {
+                return Ok(());
             }
-            _ => Ok(()),
+            // Who reads what a dead daemon left lets go of it at the next look.
+            std::thread::sleep(LOOK_EVERY);
         }
+        short().map_or(Ok(()), |free_bytes| Err(ChannelError::Full { robots, needed_bytes, free_bytes }))
     }
 
     /// Shared memory that the channels of a fleet of `robots` with `admin_clients` can fill, bytes.
@@ -129,7 +132,7 @@ impl Transport {
     /// damaged or is of another version, and nobody lives who uses them, removes all of them: they are made
     /// anew. Returns how many files it removed. For the daemon, before it starts.
     pub fn mend(&self) -> usize {
-        for _ in 0..MEND_LOOKS {
+        for _ in 0..LOOKS {
             // iceoryx2 waits for ever for a file to be filled whose maker is gone.
             if room::has_empty(&self.settings.prefix) {
                 let removed = remains::remove_all(&self.iceoryx);
@@ -143,7 +146,7 @@ impl Transport {
                 return removed;
             }
             // Whoever waits for a daemon is there for a moment, again and again.
-            std::thread::sleep(MEND_EVERY);
+            std::thread::sleep(LOOK_EVERY);
         }
         0
     }

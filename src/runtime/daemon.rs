@@ -205,11 +205,12 @@ impl Daemon {
         ids.resize(places, NO_ROBOT);
         let board = Arc::new(Board::new(ids, placement.worker_cpus.len(), config.realtime.wakeup));
         let transport = Transport::new(&config.fleet, &config.channel)?;
-        transport.check_room(places, config.admin.max_clients)?;
         let removed = transport.mend();
         if removed > 0 {
             tracing::warn!(removed, "the channels could not be used as they were left and are made anew");
         }
+        // What a dead daemon left is removed by now, and does not count as taken.
+        transport.check_room(places, config.admin.max_clients)?;
         let common = Common {
             transport,
             config: Arc::clone(&config),

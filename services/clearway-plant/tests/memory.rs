@@ -74,6 +74,25 @@ fn a_fleet_goes_on_when_shared_memory_fills_up_and_nobody_else_can_join() {
     assert_eq!((own["arrived"].as_u64(), own["violations"].as_u64()), (Some(8), Some(0)), "{own}");
 }
 
+#[test]
+fn a_killed_daemon_leaves_its_memory_to_its_successor() {
+    let world = World::new("twice");
+    let test = "shared memory for one daemon";
+    let Some(command) = small_shared_memory(test, &daemon_command(&world, &[]), ENOUGH) else { return };
+    let mut first = Process::start(command);
+    let id = first.0.id();
+    until(|| (entries(&format!("/proc/{id}/root/dev/shm"), &world) > 0).then_some(()));
+    // They keep this shared memory for the next one, and what they have open of the first.
+    let robots = Process::start(beside(id, &plant_command(&world, "all", &["--once"])));
+    until_driven(&world, "all", 0, 0.5);
+    first.end();
+    let plain = daemon_command(&world, &["--report", "daemon.json"]);
+    let second = Process::start(beside(robots.0.id(), &plain)).output();
+    assert_eq!(second.status.code(), Some(0), "{}", text(&second.stderr));
+    robots.succeed();
+    assert_eq!(report(&world, "daemon")["arrived"].as_u64(), Some(8));
+}
+
 /// Files of `world` in a shared memory.
 fn entries(shared: &str, world: &World) -> usize {
     let Ok(entries) = std::fs::read_dir(shared) else { return 0 };
