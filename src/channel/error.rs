@@ -84,6 +84,16 @@ pub enum ChannelError {
         free_bytes: u64,
     },
 
+    /// Shared memory could not be taken ahead.
+    #[error("shared memory could not be taken ahead: {reason}")]
+    #[diagnostic(help(
+        "check the memory that the process may have (`ulimit -a`, its cgroup) and what {SHARED_MEMORY} is"
+    ))]
+    NotReserved {
+        /// What the kernel says.
+        reason: String,
+    },
+
     /// Another process writes this fleet's channel.
     #[error("the fleet {fleet:?} belongs to {}", owner_text(.owner.as_ref()))]
     #[diagnostic(help("stop that process, or start this one with another --fleet name"))]

@@ -14,6 +14,7 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service;
 use iceoryx2::service::port_factory::request_response::PortFactory as AdminService;
+use rustix::io::Errno;
 
 use super::admin::{self, AdminPort, AdminServer};
 use super::memory::Memory;
@@ -156,12 +157,20 @@ impl Transport {
     /// ends with SIGBUS. For whoever has made its ports; at start only.
     ///
     /// # Errors
-    /// [`ChannelError::Full`] when there is not enough.
+    /// [`ChannelError::Full`] when there is not enough, [`ChannelError::NotReserved`] when it could not be taken.
     pub fn reserve(&self, robots: usize, admin_clients: usize) -> Result<(), ChannelError> {
-        room::reserve(&self.settings.prefix).map_err(|_| ChannelError::Full {
+        self.reserve_or(|free_bytes| ChannelError::Full {
             robots,
             needed_bytes: self.needed_bytes(robots, admin_clients),
-            free_bytes: room::free_bytes().unwrap_or(0),
+            free_bytes,
+        })
+    }
+
+    /// The same; `full` is the error when there is not enough, of what is free in bytes.
+    fn reserve_or(&self, full: impl FnOnce(u64) -> ChannelError) -> Result<(), ChannelError> {
+        room::reserve(&self.settings.prefix).map_err(|e| match e {
+            Errno::NOSPC => full(room::free_bytes().unwrap_or(0)),
+            other => ChannelError::NotReserved { reason: other.to_string() },
         })
     }
 
@@ -478,8 +487,7 @@ impl SharedNode {
     /// [`ChannelError::NoDaemon`] when it does not, and the reasons for which it cannot be opened.
     pub(super) fn observer(&self, robots: usize) -> Result<Writer<RobotObservation>, ChannelError> {
         let writer = self.publisher(&self.open::<RobotObservation>()?, robots)?;
-        room::reserve(&self.transport.settings.prefix)
-            .map_err(|_| ChannelError::NoRoom { free_bytes: room::free_bytes().unwrap_or(0) })?;
+        self.transport.reserve_or(|free_bytes| ChannelError::NoRoom { free_bytes })?;
         Ok(writer)
     }
 

@@ -4,7 +4,7 @@ use std::fs::DirEntry;
 use std::path::PathBuf;
 
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open, statvfs};
-use rustix::io::Errno;
+use rustix::io::{Errno, retry_on_intr};
 
 /// Where the kernel keeps shared memory.
 pub(super) const SHARED_MEMORY: &str = "/dev/shm";
@@ -14,20 +14,32 @@ pub(super) fn free_bytes() -> Option<u64> {
     statvfs(SHARED_MEMORY).ok().map(|shared| shared.f_bavail.saturating_mul(shared.f_frsize))
 }
 
-/// Takes the memory of every file whose name begins with `prefix`, down to its last page. Those of others, that
-/// have just gone or cannot be written, are left as they are.
+/// Takes the memory of every file whose name begins with `prefix`, down to its last page. Those that have
+/// just gone or cannot be written, which are another user's, are left as they are.
 ///
 /// # Errors
-/// [`Errno::NOSPC`] when there is less than what they promise.
+/// [`Errno::NOSPC`] when there is less than what they promise, and whatever else keeps it from being taken.
 pub(super) fn reserve(prefix: &str) -> Result<(), Errno> {
     for path in files(prefix) {
-        let Ok(file) = open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()) else { continue };
-        let length = fstat(&file).map_or(0, |stat| stat.st_size.unsigned_abs());
-        if length > 0 && fallocate(&file, FallocateFlags::KEEP_SIZE, 0, length) == Err(Errno::NOSPC) {
-            return Err(Errno::NOSPC);
+        let file = match retry_on_intr(|| open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty())) {
+            Ok(file) => file,
+            Err(Errno::NOENT | Errno::ACCESS | Errno::PERM) => continue,
+            Err(e) => return Err(e),
+        };
+        let length = fstat(&file)?.st_size.unsigned_abs();
+        if length > 0 {
+            taken(retry_on_intr(|| fallocate(&file, FallocateFlags::KEEP_SIZE, 0, length)))?;
         }
     }
     Ok(())
+}
+
+/// Where memory cannot be taken ahead, it is taken at its first use; every other failure is one.
+fn taken(result: Result<(), Errno>) -> Result<(), Errno> {
+    match result {
+        Err(Errno::OPNOTSUPP | Errno::NOSYS) => Ok(()),
+        other => other,
+    }
 }
 
 /// Whether a file whose name begins with `prefix` has no length: it is being made, or was truncated.
@@ -61,5 +73,15 @@ mod tests {
         assert_eq!((kib(), file.metadata().unwrap().len()), (1024, 1 << 20));
         std::fs::remove_file(path).unwrap();
         assert!(free_bytes() > Some(0));
+    }
+
+    #[test]
+    fn memory_that_was_not_taken_is_no_success() {
+        assert_eq!(taken(Ok(())), Ok(()));
+        // A file system that cannot.
+        assert_eq!((taken(Err(Errno::OPNOTSUPP)), taken(Err(Errno::NOSYS))), (Ok(()), Ok(())));
+        for e in [Errno::NOSPC, Errno::NOMEM, Errno::INTR, Errno::IO, Errno::DQUOT, Errno::FBIG] {
+            assert_eq!(taken(Err(e)), Err(e));
+        }
     }
 }
