@@ -45,6 +45,8 @@ pub(super) struct Board {
     resting: Vec<AtomicBool>,
     /// Times that the thread which answers operators panicked.
     pub(super) admin_panics: AtomicU64,
+    /// Rounds that it has made.
+    pub(super) admin_rounds: AtomicU64,
 }
 
 /// What a worker finds when it looks for work.
@@ -76,6 +78,7 @@ impl Board {
             worker_rests: AtomicU64::new(0),
             resting: (0..workers).map(|_| AtomicBool::new(false)).collect(),
             admin_panics: AtomicU64::new(0),
+            admin_rounds: AtomicU64::new(0),
         }
     }
 

@@ -209,6 +209,7 @@ impl Housekeeper {
         }
         // One that rests is known of, and a restart would not make it work sooner.
         let answered = self.answers.watchdog.all_answered(|worker| self.board.rests(worker));
+        self.heartbeat.operators_heard(self.board.admin_rounds.load(Ordering::Relaxed));
         let progress = &self.progress;
         self.heartbeat.beat(answered, || {
             let progress = progress.lock().unwrap_or_else(PoisonError::into_inner);

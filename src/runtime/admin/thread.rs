@@ -93,6 +93,7 @@ impl<C: Clock> Admin<C> {
         loop {
             let over = self.shared.board.released(None) == Released::Over;
             let more = self.round_or_rest(over);
+            self.shared.board.admin_rounds.fetch_add(1, Ordering::Relaxed);
             if over {
                 for job in std::mem::take(&mut self.jobs) {
                     self.refuse(job.into_asked(), &ending());
