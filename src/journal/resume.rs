@@ -134,8 +134,10 @@ fn take_up(resumed: &mut Resumed, before: &Kept) {
     let was = |id| scenario.robots.iter().find(|robot: &&RobotSpec| robot.id == id);
     let mut robots: Vec<_> =
         scenario.robots.iter().filter(|robot| robot.foreign_speed_mps.is_some()).copied().collect();
-    let (old, added): (Vec<RobotSpec>, Vec<RobotSpec>) =
-        before.robots.iter().partition(|robot| was(robot.id).is_some());
+    // Who was removed and added again has another start, or another size, under the same id.
+    let (old, added): (Vec<RobotSpec>, Vec<RobotSpec>) = before.robots.iter().partition(|robot| {
+        was(robot.id).is_some_and(|was| RobotSpec { goal_m: robot.goal_m, ..*was } == **robot)
+    });
     let goals = old.iter().filter(|robot| was(robot.id).is_some_and(|w| w.goal_m != robot.goal_m)).count();
     let gone = own(&scenario.robots).len().saturating_sub(old.len());
     robots.extend(old);
@@ -236,6 +238,24 @@ mod tests {
         observed.source.kind = SourceKind::Observation;
         let resumed = resume(observed, Some(Ok(ended(kept))), &at_s(1)).unwrap();
         assert_eq!(resumed.config.scenario.robots.len(), 9);
+    }
+
+    #[test]
+    fn who_was_added_again_elsewhere_under_its_old_id_is_looked_at_like_anybody_added() {
+        let mut kept = before();
+        let (first, fourth) = (kept.robots[0], kept.robots[3]);
+        for (start, radius_m, stays) in [
+            (Pose::new(50.0, 0.0, 0.0), fourth.radius_m, true),
+            (first.start, fourth.radius_m, false),
+            (fourth.start, 20.0, false),
+        ] {
+            kept.robots[3] = RobotSpec { start, radius_m, ..fourth };
+            let resumed = found(&ended(kept.clone()), &at_s(1));
+            assert_eq!(resumed.config.scenario.robots.len(), if stays { 8 } else { 7 });
+            assert_eq!(resumed.notes[0].alarm, !stays);
+            let counts = format!("{} were added, 1 removed", u8::from(stays));
+            assert!(resumed.notes.iter().any(|note| note.text.contains(&counts)), "{:?}", resumed.notes);
+        }
     }
 
     #[test]
