@@ -26,7 +26,7 @@ mod text;
 
 pub use restarts::{Moment, Restarts};
 pub use resume::{Note, OtherFleet, Resumed, resume};
-pub use text::Damage;
+pub use text::{Damage, epoch_after};
 
 use crate::document::names;
 use crate::model::RobotSpec;

@@ -47,7 +47,8 @@ pub struct OtherFleet(pub String);
 ///
 /// Goals and robots are those of the journal if it is of the same scenario; a stop and a pause are, of
 /// whatever scenario it is. A journal that cannot be read stops the fleet, because nobody knows whether
-/// it was. So do too many starts after runs that did not end in order.
+/// it was. So do too many starts after runs that did not end in order. A fresh start takes neither robots
+/// nor goals nor a stop nor a pause; that there was a run it knows all the same.
 ///
 /// # Errors
 /// [`OtherFleet`].
@@ -57,10 +58,18 @@ pub fn resume(
     now: &Moment,
 ) -> Result<Resumed, OtherFleet> {
     let mut kept = Kept::new(&config.fleet, &config.scenario);
+    let fresh = config.journal.fresh;
     let mut resumed =
         Resumed { config, kept: kept.clone(), again: found.is_some(), aside: None, notes: vec![] };
     match found {
         None => {}
+        Some(Err(damage)) if fresh => {
+            resumed.aside = Some("damaged");
+            resumed.notes.push(Note::alarm(format!(
+                "{damage}. Whether the fleet was stopped is not known: it begins as its scenario says, as was \
+                 asked"
+            )));
+        }
         Some(Err(damage)) => {
             kept.stopped = Some(StoppedBy::Journal);
             resumed.aside = Some("damaged");
@@ -71,14 +80,20 @@ pub fn resume(
         }
         Some(Ok(before)) if before.fleet != kept.fleet => return Err(OtherFleet(before.fleet)),
         Some(Ok(before)) => {
-            (kept.paused, kept.stopped) = (before.paused, before.stopped);
             kept.epoch = before.epoch.saturating_add(1);
-            resumed.notes.extend(held(&before));
+            if !fresh {
+                (kept.paused, kept.stopped) = (before.paused, before.stopped);
+                resumed.notes.extend(held(&before));
+            }
             if !before.ended {
                 kept.restarts = before.restarts.clone();
                 count(&resumed.config, &mut kept, now, &mut resumed.notes);
             }
-            if before.digest == kept.digest {
+            if fresh {
+                resumed.aside = Some("before-fresh");
+                let text = "its robots, goals, stop and pause are not taken up, as was asked";
+                resumed.notes.push(Note::info(text.to_owned()));
+            } else if before.digest == kept.digest {
                 take_up(&mut resumed, &before);
                 kept.robots = own(&resumed.config.scenario.robots);
             } else {
@@ -302,5 +317,29 @@ mod tests {
         assert!(resumed.notes[0].alarm);
         let other = Kept { fleet: "night".into(), ..before() };
         assert_eq!(resume(config(), Some(Ok(other)), &at_s(1)).unwrap_err(), OtherFleet("night".into()));
+    }
+
+    #[test]
+    fn a_fresh_start_drops_what_operators_wanted_and_knows_that_there_was_a_run() {
+        let mut fresh = config();
+        fresh.journal.fresh = true;
+        let start = |kept| resume(fresh.clone(), Some(kept), &at_s(1));
+        let mut kept = before();
+        kept.robots.remove(3);
+        (kept.paused, kept.stopped) = (true, Some(StoppedBy::Operator));
+        for digest in [kept.digest.clone(), "another".to_owned()] {
+            let resumed = start(Ok(Kept { digest, ..kept.clone() })).unwrap();
+            assert_eq!(resumed.config, fresh);
+            assert_eq!((resumed.kept.paused, resumed.kept.stopped), (false, None));
+            assert_eq!((resumed.again, resumed.kept.epoch), (true, 10));
+            assert_eq!((resumed.kept.restarts.at_ns.len(), resumed.aside), (1, Some("before-fresh")));
+        }
+        let resumed = start(Err(Damage::Checksum)).unwrap();
+        assert_eq!((resumed.again, resumed.kept.stopped, resumed.aside), (true, None, Some("damaged")));
+        // Another fleet may be running, with its stop.
+        let other = start(Ok(Kept { fleet: "night".into(), ..kept }));
+        assert_eq!(other.unwrap_err(), OtherFleet("night".into()));
+        let first = resume(fresh.clone(), None, &at_s(1)).unwrap();
+        assert!(!first.again && first.aside.is_none());
     }
 }

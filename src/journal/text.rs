@@ -97,6 +97,20 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Kept, Damage> {
     body.kept().map_err(|reason| Damage::Content(brief(&reason)))
 }
 
+/// The smallest epoch that a run may have after one whose journal cannot be read, at `wall_ns` of the wall
+/// clock: above each that is written there, and above that clock, which is far above the time since a start
+/// of the machine that epochs otherwise are. Where neither holds, of a torn file and a clock that was set
+/// back, receivers that were not started again refuse the new run.
+pub fn epoch_after(damaged: &[u8], wall_ns: u64) -> u64 {
+    let line = |line: &[u8]| -> Option<u64> {
+        let digits = std::str::from_utf8(line.strip_prefix(b"epoch = ")?).ok()?;
+        // What a flipped digit makes too large leaves no room for those after it.
+        digits.trim_end().parse().ok().filter(|epoch| *epoch < 1 << 62)
+    };
+    let written = damaged.split(|byte| *byte == b'\n').filter_map(line).max();
+    written.unwrap_or(0).max(wall_ns.min(1 << 62)) + 1
+}
+
 /// What somebody wrote, so that it fits a line of a log.
 fn brief(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(100).collect()
@@ -220,6 +234,20 @@ mod tests {
             let body = body.replacen(from, to, 1);
             assert!(matches!(decode((head(&body) + &body).as_bytes()), Err(Damage::Content(_))), "{to}");
         }
+    }
+
+    #[test]
+    fn the_epoch_rises_over_what_can_still_be_read_and_over_the_wall_clock() {
+        let kept = Kept { epoch: 1 << 50, ..kept(3) };
+        let text = kept.encode().replacen("night", "sight", 1);
+        assert!(decode(text.as_bytes()).is_err());
+        assert_eq!(epoch_after(text.as_bytes(), 7), (1 << 50) + 1);
+        assert_eq!(epoch_after(text.as_bytes(), 1 << 60), (1 << 60) + 1);
+        let after = text.find("\nended").unwrap();
+        assert_eq!(epoch_after(&text.as_bytes()[..after], 7), (1 << 50) + 1);
+        assert_eq!(epoch_after(&text.as_bytes()[..100], 7), 8);
+        assert_eq!(epoch_after(b"epoch = 9223372036854775807\nepoch = \xff\nepoch = -1\n", 7), 8);
+        assert!(epoch_after(b"", u64::MAX) < 1 << 63);
     }
 
     proptest! {

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use miette::Diagnostic;
 use thiserror::Error;
@@ -15,7 +15,7 @@ use super::Until;
 use super::error::DaemonError;
 use super::starting::{join_until, spawn};
 use crate::config::Config;
-use crate::journal::{Kept, Moment, Note, Resumed, StoppedBy, file, resume};
+use crate::journal::{Kept, Moment, Note, Resumed, StoppedBy, epoch_after, file, resume};
 
 /// Between two attempts at a disk that takes nothing.
 const RETRY_EVERY: Duration = Duration::from_secs(1);
@@ -64,6 +64,12 @@ fn failed(path: &Path, what: &'static str, reason: &std::io::Error) -> JournalEr
     JournalError::File { path: path.display().to_string(), what, reason: reason.to_string() }
 }
 
+/// The wall clock, ns since 1970; 0 before.
+fn wall_ns() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(0)
+}
+
 /// A journal that was read, and not touched yet.
 #[derive(Debug)]
 pub(super) struct Opened {
@@ -86,11 +92,14 @@ impl Opened {
             return Ok((config, None));
         };
         let found = file::load(&path).map_err(|e| failed(&path, "read", &e))?;
-        let fresh = config.journal.fresh;
-        let kept = found.as_deref().filter(|_| !fresh).map(Kept::decode);
-        let Resumed { config, kept, again, aside, notes } = resume(config, kept, &Moment::now())
+        let decoded = found.as_deref().map(Kept::decode);
+        let least_epoch = match (&found, &decoded) {
+            (Some(bytes), Some(Err(_))) => epoch_after(bytes, wall_ns()),
+            _ => 0,
+        };
+        let Resumed { config, mut kept, again, aside, notes } = resume(config, decoded, &Moment::now())
             .map_err(|other| JournalError::OtherFleet { path: path.display().to_string(), other: other.0 })?;
-        let aside = aside.or((fresh && found.is_some()).then_some("before-fresh"));
+        kept.epoch = kept.epoch.max(least_epoch);
         Ok((config, Some(Self { path, found, aside, kept, again, notes })))
     }
 

@@ -140,7 +140,8 @@ fn a_damaged_journal_stops_the_fleet_and_is_kept_aside() {
     let world = World::new("damaged");
     file(&world, "fleet.journal", "# clearway-journal 1 12 0\nfleet = ");
     let process = daemon(&world, &[]);
-    let (client, admin, status) = operator(&world, 0);
+    // Above any time since a start of the machine.
+    let (client, admin, status) = operator(&world, 1 << 60);
     assert_eq!(status.stopped_at_start(), Some(StoppedBy::Journal));
     assert_eq!(std::fs::read(world.channel.root.join("fleet.journal.damaged-1")).unwrap().len(), 34);
     assert_eq!(kept(&world).stopped, Some(StoppedBy::Journal));
@@ -160,6 +161,9 @@ fn a_journal_of_another_fleet_is_left_alone_and_one_of_another_scenario_keeps_th
     let run = daemon(&world, &[]).output();
     assert_eq!(run.status.code(), Some(2), "{}", text(&run.stderr));
     assert!(text(&run.stderr).contains("`night`"), "{}", text(&run.stderr));
+    assert_eq!(std::fs::read_to_string(journal(&world)).unwrap(), night);
+    let run = daemon(&world, &["--fresh"]).output();
+    assert_eq!(run.status.code(), Some(2), "{}", text(&run.stderr));
     assert_eq!(std::fs::read_to_string(journal(&world)).unwrap(), night);
 
     let mut other = Kept::new("default", &scenario);
