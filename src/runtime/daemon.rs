@@ -293,11 +293,12 @@ impl Daemon {
             return Err(DaemonError::RealTime { degraded: self.realtime.degraded.clone() });
         }
         self.spawn_housekeeping(common, until, periods, solves, auditor)?;
-        // The fleet is ours, and everything else has been had.
-        self.keeper = journal.map(|journal| journal.begin(common.epoch)).transpose()?;
+        self.keeper = journal.map(|journal| journal.keeper(common.epoch));
         self.spawn_admin(common, until)?;
         // Everybody has made its ports.
         common.transport.reserve(places, config.admin.max_clients)?;
+        // The fleet is ours, and everything else has been had: a start that fails is no crash.
+        self.keeper.as_mut().map_or(Ok(()), Keeper::begin)?;
         go.send(()).map_err(|_| DaemonError::Panicked { thread: "loop" })
     }
 

@@ -113,21 +113,24 @@ impl Opened {
         self.again
     }
 
-    /// The fleet is ours: from now on this run is in the journal.
-    ///
-    /// # Errors
-    /// [`JournalError::Changed`], or it cannot be written.
-    pub(super) fn begin(mut self, epoch: u64) -> Result<Keeper, DaemonError> {
+    /// What keeps the changes of run `epoch`. The file stays as it was found until
+    /// [`begin`](Keeper::begin).
+    pub(super) fn keeper(mut self, epoch: u64) -> Keeper {
+        self.kept.epoch = epoch;
+        let state = State { kept: self.kept.clone(), newest: 0, tried: 0, failure: None, over: false };
+        let (path, state) = (self.path.clone(), Mutex::new(state));
+        let journal = Journal(Arc::new(Shared { path, state, changed: Condvar::new() }));
+        Keeper { journal, opened: Some(self), thread: None }
+    }
+
+    /// Puts the run into the file.
+    fn begin(mut self) -> Result<(), JournalError> {
         let path = self.path;
-        if file::load(&path).map_err(|e| failed(&path, "read", &e))? != self.found {
-            return Err(JournalError::Changed { path: path.display().to_string() }.into());
-        }
         if let Some(why) = self.aside {
             let aside = file::keep_aside(&path, why).map_err(|e| failed(&path, "kept aside", &e))?;
             self.notes
                 .push(Note { alarm: true, text: format!("what it held is kept as {}", aside.display()) });
         }
-        self.kept.epoch = epoch;
         file::store(&path, &self.kept.encode()).map_err(|e| failed(&path, "written", &e))?;
         for Note { alarm, text } in &self.notes {
             if *alarm {
@@ -136,7 +139,19 @@ impl Opened {
                 tracing::info!("journal {}: {text}", path.display());
             }
         }
-        Keeper::new(path, self.kept)
+        Ok(())
+    }
+
+    /// Whether it is still as it was found.
+    ///
+    /// # Errors
+    /// [`JournalError::Changed`], or it cannot be read.
+    fn check(&self) -> Result<(), JournalError> {
+        let path = &self.path;
+        if file::load(path).map_err(|e| failed(path, "read", &e))? != self.found {
+            return Err(JournalError::Changed { path: path.display().to_string() });
+        }
+        Ok(())
     }
 }
 
@@ -256,17 +271,23 @@ pub(super) struct Condition {
 #[derive(Debug)]
 pub(super) struct Keeper {
     journal: Journal,
+    /// What the file held, until this run is in it.
+    opened: Option<Opened>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Keeper {
-    /// For a file that holds `kept` now.
-    fn new(path: PathBuf, kept: Kept) -> Result<Self, DaemonError> {
-        let state = State { kept, newest: 0, tried: 0, failure: None, over: false };
-        let shared = Arc::new(Shared { path, state: Mutex::new(state), changed: Condvar::new() });
-        let writer = Arc::clone(&shared);
-        let thread = spawn("clearway-jrnl", move || writer.run())?;
-        Ok(Self { journal: Journal(shared), thread: Some(thread) })
+    /// The fleet is ours, and nothing else can fail: from now on this run is in the journal, and one that
+    /// does not end in order counts as a crash.
+    ///
+    /// # Errors
+    /// [`JournalError::Changed`], or it cannot be written.
+    pub(super) fn begin(&mut self) -> Result<(), DaemonError> {
+        let Some(opened) = self.opened.take() else { return Ok(()) };
+        opened.check()?;
+        let writer = Arc::clone(&self.journal.0);
+        self.thread = Some(spawn("clearway-jrnl", move || writer.run())?);
+        Ok(opened.begin()?)
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -295,5 +316,41 @@ impl Drop for Keeper {
         {
             tracing::error!("the journal is not written to its end: the disk does not answer");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn a_start_that_is_called_off_leaves_the_journal_as_it_was() {
+        let folder = std::env::temp_dir().join(format!("clearway_keeping_{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("a.journal");
+        let mut config = Config::new(Scenario::builtin("swap8").unwrap());
+        config.journal.path = Some(path.clone());
+        let keeper = |epoch| {
+            let (_, opened) = Opened::open(config.clone(), Until::Stopped).unwrap();
+            opened.unwrap().keeper(epoch)
+        };
+        drop(keeper(1));
+        assert!(!path.exists());
+        let mut first = keeper(2);
+        first.begin().unwrap();
+        first.end_in_order();
+        drop(first);
+        let before = std::fs::read(&path).unwrap();
+        drop(keeper(3));
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+        // Begun by two at a time, it is that of the first.
+        let (mut second, mut third) = (keeper(4), keeper(5));
+        second.begin().unwrap();
+        assert!(third.begin().is_err());
+        drop((second, third));
+        let kept = Kept::decode(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!((kept.epoch, kept.ended), (4, false));
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }
