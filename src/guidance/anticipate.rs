@@ -12,6 +12,7 @@
 #![expect(clippy::too_many_arguments, reason = "what a rule reads, and what it remembers")]
 
 use super::Params;
+use super::others::ROUNDING;
 use super::predict::{Predictions, align};
 use super::scene::Scene;
 use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView, Plan};
@@ -26,8 +27,6 @@ const CROWD_TARGET_M: f64 = 2.0;
 const PHASES: u32 = 16;
 /// Neighbours farther than this do not slow the robot.
 const STANDOFF_RANGE_M: f64 = 1.5;
-/// Share by which a square is enlarged so that rounding cannot lose a neighbour.
-const ROUNDING: f64 = 1e-9;
 
 /// The normal case: turn the target by the way around parked robots or by the roundabout, then choose the best candidate.
 pub(super) fn drive(

@@ -15,7 +15,7 @@ pub(super) type Lanes = [f64; NEIGHBOURS_MAX];
 /// A lane without a neighbour is this far away, m: nothing reaches it.
 const NOWHERE_M: f64 = 1e12;
 /// Share by which a square is enlarged so that rounding cannot lose a neighbour.
-const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Paths of the neighbours, and the distances at which they matter.
 #[derive(Debug, Clone)]

@@ -3,6 +3,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test file uses a part")]
 
 pub mod process;
+pub mod python;
 pub mod sandbox;
 
 use std::ops::Range;

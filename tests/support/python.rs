@@ -1,9 +1,10 @@
 //! A Python with pinned packages for the tests that need one, made once below the target directory.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
+
+use super::process::skipped;
 
 /// What pip says when it cannot reach the package index.
 const UNREACHABLE: [&str; 5] = [
@@ -19,7 +20,7 @@ const UNREACHABLE: [&str; 5] = [
 ///
 /// # Panics
 /// When the packages are refused: a wrong pin is no reason to skip.
-pub(crate) fn python(place: &Path, name: &str, requirements: &Path) -> Option<PathBuf> {
+pub fn python(place: &Path, name: &str, requirements: &Path) -> Option<PathBuf> {
     static MAKING: Mutex<()> = Mutex::new(());
     let _one = MAKING.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let wanted = std::fs::read_to_string(requirements).unwrap();
@@ -30,12 +31,12 @@ pub(crate) fn python(place: &Path, name: &str, requirements: &Path) -> Option<Pa
     }
     let check = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))";
     if let Err(reason) = run(Command::new("python3").args(["-c", check])) {
-        return skipped(&format!(
-            "python3 of version 3.10 or newer with venv and pip is not there: {reason}"
-        ));
+        skipped(name, &format!("python3 of version 3.10 or newer with venv and pip is not there: {reason}"));
+        return None;
     }
     if let Err(reason) = run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder)) {
-        return skipped(&format!("no virtual environment: {reason}"));
+        skipped(name, &format!("no virtual environment: {reason}"));
+        return None;
     }
     let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--retries", "2", "-r"];
     match run(Command::new(&program).args(pip).arg(requirements)) {
@@ -44,7 +45,8 @@ pub(crate) fn python(place: &Path, name: &str, requirements: &Path) -> Option<Pa
             Some(program)
         }
         Err(reason) if UNREACHABLE.iter().any(|word| reason.contains(word)) => {
-            skipped(&format!("pip cannot reach the package index: {reason}"))
+            skipped(name, &format!("pip cannot reach the package index: {reason}"));
+            None
         }
         Err(reason) => panic!("pip cannot install {}: {reason}", requirements.display()),
     }
@@ -54,10 +56,4 @@ fn run(command: &mut Command) -> Result<(), String> {
     let output = command.output().map_err(|e| e.to_string())?;
     let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
     if output.status.success() { Ok(()) } else { Err(said) }
-}
-
-/// Written past the test harness, which would keep it to itself.
-fn skipped(reason: &str) -> Option<PathBuf> {
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {reason}");
-    None
 }

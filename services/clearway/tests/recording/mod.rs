@@ -2,9 +2,6 @@
 //! reader, PyPI's `mcap`, in an environment of its own.
 #![allow(unreachable_pub, reason = "a module of a test")]
 
-#[path = "../../../../tests/support/python.rs"]
-mod python;
-
 use clearway::config::Config;
 use clearway::report::Report;
 use clearway::runtime::{Daemon, Until};
@@ -16,6 +13,7 @@ use std::process::{Command, Output};
 
 use crate::support::World;
 use crate::support::process::{Process, within};
+use crate::support::python::python;
 
 /// `clearway` in a world of its own.
 pub fn clearway(world: &World, arguments: &[&str]) -> Command {
@@ -99,7 +97,7 @@ pub fn replay(world: &World, files: &[&Path], more: &[&str]) -> (i32, Value) {
 pub fn read_independently(file: &Path, more: &[&str]) -> Option<Value> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording");
     let (place, requirements) = (Path::new(env!("CARGO_TARGET_TMPDIR")), here.join("requirements.txt"));
-    let python = python::python(place, "recording-venv", &requirements)?;
+    let python = python(place, "recording-venv", &requirements)?;
     let script = here.join("read.py");
     let Output { status, stdout, stderr } =
         Command::new(python).arg(script).arg(file).args(more).output().unwrap();
