@@ -21,7 +21,8 @@ pub enum AdminError {
     #[diagnostic(transparent)]
     Channel(#[from] ChannelError),
 
-    /// No answer came in time. The request has expired: it is not carried out later.
+    /// No answer came in time. The request has expired and is not carried out later; whether it was before,
+    /// nobody has said.
     #[error("the daemon did not answer within {} ms", timeout.as_millis())]
     #[diagnostic(help(
         "it may have ended, be stopped, or have periods longer than that: look at it, or wait longer"

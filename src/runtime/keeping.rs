@@ -19,6 +19,8 @@ use crate::journal::{Kept, Moment, Note, Resumed, StoppedBy, epoch_after, file, 
 
 /// Between two attempts at a disk that takes nothing.
 const RETRY_EVERY: Duration = Duration::from_secs(1);
+/// A disk that takes longer for one writing is slow.
+const SLOW: Duration = Duration::from_millis(200);
 /// How long the last writing may take.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -117,7 +119,8 @@ impl Opened {
     /// [`begin`](Keeper::begin).
     pub(super) fn keeper(mut self, epoch: u64) -> Keeper {
         self.kept.epoch = epoch;
-        let state = State { kept: self.kept.clone(), newest: 0, tried: 0, failure: None, over: false };
+        let state =
+            State { kept: self.kept.clone(), newest: 0, tried: 0, failure: None, writing: None, over: false };
         let (path, state) = (self.path.clone(), Mutex::new(state));
         let journal = Journal(Arc::new(Shared { path, state, changed: Condvar::new() }));
         Keeper { journal, opened: Some(self), thread: None }
@@ -164,6 +167,8 @@ struct State {
     /// The newest one that was tried, and what came of it.
     tried: u64,
     failure: Option<String>,
+    /// Since when it is being written.
+    writing: Option<Instant>,
     over: bool,
 }
 
@@ -186,6 +191,7 @@ impl Shared {
             let due = state.newest > state.tried;
             if due || state.failure.is_some() {
                 let (newest, text) = (state.newest, state.kept.clone());
+                state.writing = Some(Instant::now());
                 drop(state);
                 let outcome = file::store(&self.path, &text.encode());
                 state = self.lock();
@@ -205,6 +211,7 @@ impl Shared {
 
     fn settle(&self, state: &mut State, number: u64, outcome: std::io::Result<()>) {
         state.tried = number;
+        state.writing = None;
         let before = state.failure.take();
         state.failure = outcome.err().map(|e| e.to_string());
         match (&before, &state.failure) {
@@ -243,6 +250,11 @@ impl Journal {
     pub(super) fn outcome(&self, number: u64) -> Option<Result<(), String>> {
         let state = self.0.lock();
         (state.tried >= number).then(|| state.failure.clone().map_or(Ok(()), Err))
+    }
+
+    /// Whether the disk has not answered for longer than one does that is well.
+    pub(super) fn is_slow(&self) -> bool {
+        self.0.lock().writing.is_some_and(|since| since.elapsed() >= SLOW)
     }
 
     /// How it stands now.

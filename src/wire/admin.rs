@@ -233,8 +233,8 @@ named_codes! {
         Stopped = 16, "stopped";
         /// The run is ending.
         Ending = 17, "ending";
-        /// It was carried out and is in force, and could not be kept: it does not survive a restart of the
-        /// daemon.
+        /// It was carried out and is in force, and could not be kept, or not yet: it may not survive a restart
+        /// of the daemon.
         NotKept = 18, "not_kept";
     }
 }

@@ -96,7 +96,7 @@ class ReleasedError(ClearwayError, ValueError):
 
 
 class AdminTimeoutError(ClearwayError, TimeoutError):
-    """No answer came in time. The request has expired: it is not carried out later."""
+    """No answer came in time. The request has expired and is not carried out later; it may have been before."""
 
     def __init__(self, timeout_s: float) -> None:
         super().__init__(

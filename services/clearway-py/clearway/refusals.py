@@ -89,7 +89,7 @@ class EndingError(RefusedError):
 
 
 class NotKeptError(RefusedError):
-    """It was carried out and is in force, and does not survive a restart of the daemon."""
+    """It was carried out and is in force, and is not kept, or not yet: it may not survive a restart of the daemon."""
 
 
 BY_CODE: dict[AdminCode, type[RefusedError]] = {

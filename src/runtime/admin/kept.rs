@@ -13,6 +13,11 @@ use crate::wire::{AdminCode, state_flags};
 
 /// How long the last answers of a run wait for the disk.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// So long before a request expires, and its client hears no more, it is answered whatever the disk does, ns.
+const LEAD_NS: u64 = 20_000_000;
+/// Requests of one client that may wait for a slow disk: half of what it can have waiting at all, so that
+/// what it asks next, a stop perhaps, is heard.
+const HELD_MAX: usize = 4;
 
 /// A request that was carried out and is on its way to the disk.
 pub(super) struct Unkept {
@@ -68,6 +73,27 @@ impl<C: Clock> Admin<C> {
                 }
             }
         }
+        self.answer_what_cannot_wait(journal.is_slow());
+    }
+
+    /// Answers what is still on its way to the disk and cannot wait for it: what is about to expire, and,
+    /// while the disk is slow, stops and all but the newest few requests of a client.
+    fn answer_what_cannot_wait(&mut self, slow: bool) {
+        let now_ns = self.clock.now_ns();
+        let mut held = std::collections::BTreeMap::<u128, usize>::new();
+        let mut next = self.unkept.len();
+        while let Some(at) = next.checked_sub(1) {
+            next = at;
+            let Some(one) = self.unkept.get(at) else { continue };
+            let header = one.asked.header();
+            let held = held.entry(one.asked.client()).or_default();
+            *held += 1;
+            let urgent = *held > HELD_MAX || header.kind == crate::wire::AdminKind::Stop as u32;
+            if slow && urgent || now_ns.saturating_add(LEAD_NS) >= header.expires_ns {
+                let one = self.unkept.remove(at);
+                self.refuse(one.asked, &not_yet());
+            }
+        }
     }
 
     /// Answers what still waits when the run is over.
@@ -77,5 +103,14 @@ impl<C: Clock> Admin<C> {
             std::thread::sleep(Duration::from_millis(1));
             self.answer_kept();
         }
+        while let Some(one) = self.unkept.pop() {
+            self.refuse(one.asked, &not_yet());
+        }
     }
+}
+
+fn not_yet() -> Refusal {
+    let text = "it is carried out and in force, and not on the disk yet, which is slow: if the daemon ends before it \
+                is, it does not survive that";
+    Refusal::fleet(AdminCode::NotKept, text.to_owned())
 }

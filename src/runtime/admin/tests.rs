@@ -1,7 +1,9 @@
 //! The thread that answers operators, round by round, with a loop that the test plays.
 
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use super::thread::Admin;
 use super::{Shared, desk_size};
@@ -12,6 +14,7 @@ use crate::model::Obstacle;
 use crate::realtime::Achieved;
 use crate::runtime::board::Board;
 use crate::runtime::desk::{Batch, Change, Desk, Outcome};
+use crate::runtime::keeping::{Keeper, Opened};
 use crate::runtime::tests::support::{World, config, lanes};
 use crate::runtime::{Progress, Until};
 use crate::scenario::Scenario;
@@ -197,6 +200,80 @@ fn a_text_in_pieces_is_that_of_one_moment() {
     assert_eq!(answer.code, AdminCode::Busy as u32);
     let (_, after, _) = ask(&mut rig, 0, 0);
     assert!(String::from_utf8_lossy(&after).contains(&format!("y_m = -{:?}", rig.ticks as f64)));
+}
+
+/// A disk that does not answer: whoever opens a pipe for writing waits for somebody who reads.
+struct StuckDisk {
+    keeper: Keeper,
+    pipe: PathBuf,
+}
+
+impl StuckDisk {
+    fn new(rig: &mut Rig) -> Self {
+        let mut config = Config::clone(&rig.admin.shared.config);
+        std::fs::create_dir_all(&config.channel.root).unwrap();
+        let path = config.channel.root.join("a.journal");
+        config.journal.path = Some(path.clone());
+        let (_, opened) = Opened::open(config, Until::Stopped).unwrap();
+        let mut keeper = opened.unwrap().keeper(7);
+        keeper.begin().unwrap();
+        rig.admin.shared.journal = Some(keeper.journal());
+        let pipe = path.with_extension("journal.new");
+        let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+        rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, mode, 0).unwrap();
+        Self { keeper, pipe }
+    }
+
+    /// The one write that waits fails, and those after it do not.
+    fn mend(self) {
+        let reader = std::fs::File::open(&self.pipe).unwrap();
+        std::fs::remove_file(&self.pipe).unwrap();
+        drop(self.keeper);
+        drop(reader);
+    }
+}
+
+#[test]
+fn a_disk_that_does_not_answer_keeps_no_client_from_a_stop_and_leaves_nobody_without_an_answer() {
+    let mut rig = Rig::new("admin_slow_disk", lanes(2, 20.0));
+    let disk = StuckDisk::new(&mut rig);
+    let mut waiting = Vec::new();
+    for n in 0..8 {
+        waiting.push(rig.ask(0, AdminKind::SetGoals, 0, &[goal(0, 3.0 + f64::from(n))]));
+        rig.admin.round(false);
+        rig.carry_out();
+        rig.admin.round(false);
+    }
+    let tries = (0..1000).take_while(|_| !disk.keeper.journal().is_slow());
+    assert!(tries.map(|_| std::thread::sleep(Duration::from_millis(10))).count() < 1000);
+    rig.admin.round(false);
+    let answers: Vec<_> = waiting.iter().map(|one| one.answer().unwrap()).collect();
+    let codes: Vec<_> = answers.iter().map(|answer| answer.as_ref().map(|(answer, _)| answer.code)).collect();
+    let not_kept = Some(AdminCode::NotKept as u32);
+    assert_eq!(codes, [not_kept, not_kept, not_kept, not_kept, None, None, None, None]);
+    let text = String::from_utf8_lossy(&answers[0].as_ref().unwrap().1).into_owned();
+    assert!(text.contains("in force") && text.contains("not on the disk yet"), "{text}");
+    // There is room for a stop again, and it waits for no disk.
+    drop((answers, waiting.drain(..4)));
+    let stop = rig.ask(0, AdminKind::Stop, 0, &[]);
+    rig.admin.round(false);
+    assert_eq!(rig.carry_out().len(), 1);
+    let (answer, _, rounds) = rig.answer(&stop);
+    assert_eq!((Some(answer.code), rounds), (not_kept, 1));
+    // What is about to expire is answered before its client is gone.
+    let expires_ns = MonotonicClock.now_ns() + 500_000_000;
+    let request = AdminRequest { expires_ns, kind: AdminKind::Pause as u32, ..AdminRequest::default() };
+    let pause = rig.ports[1].ask(&request, &[]).unwrap();
+    rig.admin.round(false);
+    rig.carry_out();
+    rig.admin.round(false);
+    assert!(pause.answer().unwrap().is_none());
+    while MonotonicClock.now_ns() < expires_ns {
+        std::thread::sleep(Duration::from_millis(5));
+        rig.admin.round(false);
+    }
+    assert_eq!(pause.answer().unwrap().map(|(answer, _)| answer.code), not_kept);
+    disk.mend();
 }
 
 #[test]

@@ -32,7 +32,7 @@ const REST: Duration = Duration::from_millis(20);
 
 /// The thread's state.
 pub(in crate::runtime) struct Admin<C: Clock> {
-    clock: C,
+    pub(super) clock: C,
     node: Attachment,
     server: AdminServer,
     pub(super) shared: Shared,
