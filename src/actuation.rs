@@ -245,7 +245,7 @@ mod tests {
         let other = RobotCommand { id: 4, ..go(1.0) };
         let backwards = CommandHeader { valid_until_ns: 1, ..header(2, 6) };
         let forever = CommandHeader { valid_until_ns: u64::MAX, ..header(2, 6) };
-        let stamped = |state_stamp_ns, stamp_ns| CommandHeader { state_stamp_ns, stamp_ns, ..header(2, 6) };
+        let stamped = |state_stamp_ns, stamp_ns| CommandHeader { stamp_ns, state_stamp_ns, ..header(2, 6) };
         let later = |ns| CommandHeader { valid_from_ns: ns, valid_until_ns: ns + 100, ..header(2, 6) };
         let reason = RobotCommand { stop_reason: StopReason::Operator as u32, ..go(1.0) };
         let cases = [

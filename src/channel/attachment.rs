@@ -13,6 +13,7 @@ pub struct Attachment {
 }
 
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one a thread, made at its start")]
 enum Place {
     Shared(SharedNode),
     /// Inside this process.

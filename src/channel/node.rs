@@ -432,15 +432,15 @@ impl SharedNode {
 
     /// Whether every channel that exists can be opened.
     fn is_sound(&self) -> bool {
-        fn usable<T>(opened: Result<T, ChannelError>) -> bool {
+        fn usable<T>(opened: &Result<T, ChannelError>) -> bool {
             matches!(opened, Ok(_) | Err(ChannelError::NoDaemon { .. }))
         }
-        usable(self.open::<RobotState>())
-            && usable(self.open::<RobotCommand>())
-            && usable(self.open::<RobotTelemetry>())
-            && usable(self.open::<RobotCheckpoint>())
-            && usable(self.open::<RobotObservation>())
-            && usable(self.open_admin())
+        usable(&self.open::<RobotState>())
+            && usable(&self.open::<RobotCommand>())
+            && usable(&self.open::<RobotTelemetry>())
+            && usable(&self.open::<RobotCheckpoint>())
+            && usable(&self.open::<RobotObservation>())
+            && usable(&self.open_admin())
     }
 
     /// Attaches to `admin` as the fleet's server, with room for `max_clients`. Makes the

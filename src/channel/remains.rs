@@ -104,7 +104,9 @@ pub(super) fn remove_all(iceoryx: &Config) -> usize {
     }
     let removed = files.iter().filter(|file| fs::remove_file(file).is_ok()).count();
     // One that still holds anything stays.
-    folders.iter().for_each(|folder| _ = fs::remove_dir(folder));
+    for folder in &folders {
+        _ = fs::remove_dir(folder);
+    }
     removed
 }
 

@@ -225,7 +225,9 @@ mod tests {
         let p = unit(at_rad) * distance_m;
         fleet[0].set_pose(Pose::new(0.0, 0.0, theta_rad));
         fleet[1].set_pose(Pose::new(p.x, p.y, 0.0));
-        fleet.iter_mut().for_each(|robot| robot.flags |= state_flags::VALID);
+        for robot in &mut fleet {
+            robot.flags |= state_flags::VALID;
+        }
         let mut law = Law::new(&config);
         law.prepare(&fleet, Timing::default());
         let near = [Nearby { distance_m, id: fleet[1].id, index: 1 }];

@@ -163,6 +163,7 @@ mod tests {
 
     const KEEP_M: f64 = 0.1 + 0.2;
 
+    #[expect(clippy::unnecessary_box_returns, reason = "a place takes it boxed")]
     fn to(x_m: f64) -> Box<PreparedRoute> {
         let robot = RobotState { goal_x_m: x_m, radius_m: 0.2, ..RobotState::default() };
         Box::new(PreparedRoute::build(&[], 0.1, &robot))
@@ -210,7 +211,7 @@ mod tests {
         ) {
             let shelf = RouteShelf::new(1);
             let (mut route, mut early) = (nowhere(), None);
-            let (mut newest, mut known, mut given, mut swept) = (f64::NAN, f64::NAN, 0, 0);
+            let (mut newest, mut known, mut given, mut swept) = (f64::NAN, f64::NAN, 0_u32, 0_u32);
             for (goals, late) in periods {
                 let before = newest;
                 for _ in 0..goals {
@@ -235,7 +236,7 @@ mod tests {
                 used = one.next;
             }
             let left = u32::from(shelf.places[0].ready.take().is_some()) + u32::from(early.is_some());
-            prop_assert_eq!(given as u32, swept + left);
+            prop_assert_eq!(given, swept + left);
         }
     }
 }

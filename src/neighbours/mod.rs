@@ -170,8 +170,13 @@ impl Neighbourhood {
                 let squared = (position_m - here).norm_squared();
                 let index = *index as usize;
                 // Written in any case and kept if it is near: nothing to guess for the processor.
+                #[expect(
+                    clippy::needless_bitwise_bool,
+                    reason = "a branch here is guessed wrong half of the time"
+                )]
+                let keep = (squared <= range_m * range_m) & (index != me);
                 found[count] = Nearby { distance_m: squared, id: *id, index };
-                count += usize::from((squared <= range_m * range_m) & (index != me));
+                count += usize::from(keep);
             }
         });
         count

@@ -4,7 +4,6 @@
 //! one instruction makes several comparisons.
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
-#![expect(clippy::needless_range_loop, reason = "a lane indexes several arrays")]
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 /// Most numbers that are ranked.

@@ -92,24 +92,24 @@ impl Accelerated {
 struct Lap {
     config: Config,
     group: RobotGroup,
-    lap: u64,
+    number: u64,
     laps: Rc<Cell<u64>>,
 }
 
 impl Lap {
     fn new(config: &Config, laps: &Rc<Cell<u64>>) -> Option<Self> {
-        let (lap, laps) = (laps.get(), Rc::clone(laps));
-        Some(Self { group: group(config, lap).ok()?, config: config.clone(), lap, laps })
+        let (number, laps) = (laps.get(), Rc::clone(laps));
+        Some(Self { group: group(config, number).ok()?, config: config.clone(), number, laps })
     }
 }
 
 impl Decider for Lap {
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
         let lap = self.laps.get();
-        if self.lap != lap
+        if self.number != lap
             && let Ok(group) = group(&self.config, lap)
         {
-            (self.group, self.lap) = (group, lap);
+            (self.group, self.number) = (group, lap);
         }
         Decider::decide(&mut self.group, fleet, each);
     }

@@ -60,9 +60,9 @@ mod tests {
         RobotState { id: 4, flags, ..RobotState::default() }
     }
 
-    fn staged(stop_reason: u32, v_mps: f64, omega_radps: f64) -> Option<(RobotCommand, RobotIntent)> {
+    fn staged(stop_reason: u32, v_mps: f64, omega_radps: f64) -> (RobotCommand, RobotIntent) {
         // Its worker cannot say for whom it is.
-        Some((RobotCommand { id: 99, stop_reason, v_mps, omega_radps }, intent(2.0)))
+        (RobotCommand { id: 99, stop_reason, v_mps, omega_radps }, intent(2.0))
     }
 
     fn intent(n: f64) -> RobotIntent {
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn of_several_reasons_the_one_that_lasts_longest_is_told() {
-        let good = staged(0, 1.0, 0.5);
+        let good = Some(staged(0, 1.0, 0.5));
         let cases = [
             (VALID | VACANT | FOREIGN | STOPPED | PAUSED, StopReason::Vacant),
             (VALID | FOREIGN | STOPPED | PAUSED, StopReason::Foreign),
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_verified_command_goes_out_as_it_was_staged_for_this_robot() {
-        let (command, meant) = answered(VALID | ARRIVED, staged(0, 5.0, -1.0));
+        let (command, meant) = answered(VALID | ARRIVED, Some(staged(0, 5.0, -1.0)));
         assert_eq!(command, RobotCommand::verified(RobotId(4), Command { v_mps: 5.0, omega_radps: -1.0 }));
         assert_eq!(meant, intent(2.0));
     }
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn a_stop_of_the_worker_keeps_its_reason_and_its_intent() {
         let code = StopReason::Crowded as u32;
-        let (command, meant) = answered(VALID, staged(code, 3.0, f64::NAN));
+        let (command, meant) = answered(VALID, Some(staged(code, 3.0, f64::NAN)));
         assert_eq!(command, RobotCommand::stop(RobotId(4), StopReason::Crowded));
         assert_eq!(meant, intent(2.0));
     }
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn what_is_not_admissible_is_not_sent_and_not_told() {
         for (v, omega) in [(5.1, 0.0), (-0.1, 0.0), (0.0, 1.1), (f64::NAN, 0.0), (0.0, f64::INFINITY)] {
-            let (command, told) = answered(VALID, staged(0, v, omega));
+            let (command, told) = answered(VALID, Some(staged(0, v, omega)));
             assert_eq!(command, RobotCommand::stop(RobotId(4), StopReason::Unverified), "{v} {omega}");
             assert_eq!(told, resting(&intent(1.0)));
         }
@@ -143,7 +143,7 @@ mod tests {
             there in prop::bool::weighted(0.8),
         ) {
             let [v, omega] = bits.map(f64::from_bits);
-            let (command, meant) = answered(flags, staged(code, v, omega).filter(|_| there));
+            let (command, meant) = answered(flags, there.then(|| staged(code, v, omega)));
             let limits = Limits::default();
             let free = flags & (VACANT | FOREIGN | STOPPED | PAUSED) == 0 && flags & VALID != 0;
             let drives = free && there && code == 0 && limits.admits(Command { v_mps: v, omega_radps: omega });

@@ -136,7 +136,7 @@ mod tests {
     fn plan(robots: u32) -> Plan {
         let robot = |id: u32| RobotSpec {
             id: RobotId(3 * id),
-            radius_m: if id % 5 == 0 { 0.4 } else { 0.15 },
+            radius_m: if id.is_multiple_of(5) { 0.4 } else { 0.15 },
             start: Pose::new(f64::from(id), 50.0, 0.0),
             goal_m: Vec2::new(f64::from(id), -50.0),
             foreign_speed_mps: (id % 7 == 6).then_some(1.0),

@@ -74,20 +74,13 @@ impl Rig {
     }
 
     /// Carries out what waits, as the loop does.
-    fn carry_out(&mut self) -> Vec<Box<Batch>> {
+    fn carry_out(&mut self) -> Vec<Batch> {
         let mut seen = Vec::new();
         while let Some(mut batch) = self.desk.todo.pop() {
             batch.outcome = Outcome::Done { tick: self.ticks };
             let Batch { key, expires_ns, refusals_known, outcome, .. } = *batch;
             let changes = batch.changes.clone();
-            seen.push(Box::new(Batch {
-                key,
-                expires_ns,
-                refusals_known,
-                changes,
-                routes: Vec::new(),
-                outcome,
-            }));
+            seen.push(Batch { key, expires_ns, refusals_known, changes, routes: Vec::new(), outcome });
             self.desk.done.push(batch).unwrap();
         }
         self.ticks += 1;
@@ -322,7 +315,7 @@ fn a_period_takes_its_share_of_requests_however_large_they_are_and_every_stop() 
     let mut rig = Rig::new("admin_share", scenario);
     let most = crate::config::AdminConfig::default().changes_per_period;
     let waiting: Vec<_> =
-        (0..2 * most).map(|n| rig.ask(n % 2, AdminKind::SetGoals, 0, &goals[..n % 5 + 1])).collect();
+        (0..2 * most).map(|n| rig.ask(n % 2, AdminKind::SetGoals, 0, &goals[..=n % 5])).collect();
     rig.admin.round(false);
     let busy = |one: &&Waiting| {
         one.answer().unwrap().is_some_and(|(answer, _)| answer.code == AdminCode::Busy as u32)

@@ -49,7 +49,7 @@ impl<R: Record> Way<R> {
     fn new(reader: &Reader<R>, writer: &mut Writer<R>, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Self {
         let queue = Arc::clone(reader.queue().unwrap());
         writer.publish(fill).unwrap();
-        let sample = queue.edit(|waiting| waiting.pop_front()).unwrap();
+        let sample = queue.edit(std::collections::VecDeque::pop_front).unwrap();
         assert_eq!(sample.robots.len(), ROBOTS);
         Self { queue, sample }
     }
