@@ -400,6 +400,15 @@ impl RobotGroup {
         robot.is_some_and(|robot| robot.restore(checkpoint))
     }
 
+    /// As [`restore`](Self::restore), for an answer to period `tick` that nobody is to act on; of a group
+    /// [`among`](Self::among) others as long as the robot has answered no later one.
+    pub fn undo(&mut self, index: usize, tick: u64, before: &RobotCheckpoint) {
+        match &self.robots {
+            Some(robots) => robots.undo(index, tick, |robot| _ = robot.restore(before)),
+            None => _ = self.restore(index, before),
+        }
+    }
+
     /// Decides for every owned robot; calls `each` with its index in the fleet.
     ///
     /// `fleet` are the states of `t_k` with the commands in force, one for each place: the robots of the

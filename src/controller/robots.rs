@@ -63,6 +63,17 @@ impl Robots {
         }
     }
 
+    /// Lets `change` have the controller at `index` if `tick` is the last period that it has answered.
+    pub(super) fn undo(&self, index: usize, tick: u64, change: impl FnOnce(&mut RobotController)) {
+        let Some(seat) = self.seats.get(index) else { return };
+        let Some(occupant) = seat.robot.take() else { return };
+        let last = occupant.next_tick == tick + 1;
+        let mut held = Held { seat, occupant: Some(occupant) };
+        if let Some(occupant) = held.occupant.as_mut().filter(|_| last) {
+            change(&mut occupant.robot);
+        }
+    }
+
     /// Whether there is one for each of `places`.
     pub(super) fn fits(&self, places: usize) -> Result<(), ControllerError> {
         let robots = self.seats.len();

@@ -35,6 +35,8 @@ pub(super) struct Board {
     pub(super) regions: Regions,
     /// One more than the tick whose state a worker found corrupted last.
     corrupt: AtomicU64,
+    /// One more than the last tick whose state was corrupted while a worker answered it.
+    struck: AtomicU64,
     /// States that a worker found corrupted.
     pub(super) corrupt_states: AtomicU64,
     /// Times that a worker panicked.
@@ -73,6 +75,7 @@ impl Board {
             regions: Regions::new(ids.len(), workers),
             staging: Staging::new(ids),
             corrupt: AtomicU64::new(0),
+            struck: AtomicU64::new(0),
             corrupt_states: AtomicU64::new(0),
             worker_panics: AtomicU64::new(0),
             worker_rests: AtomicU64::new(0),
@@ -119,6 +122,19 @@ impl Board {
     /// Whether a worker that is done with `tick` found its state corrupted.
     pub(super) fn is_corrupt(&self, tick: u64) -> bool {
         self.corrupt.load(Ordering::Relaxed) == tick.saturating_add(1)
+    }
+
+    /// A worker found the state of `tick` corrupted after it had staged what follows from it. Before it is
+    /// [done](Self::done).
+    pub(super) fn found_struck(&self, tick: u64) {
+        self.struck.fetch_max(tick.saturating_add(1), Ordering::Relaxed);
+        self.found_corrupt(tick);
+    }
+
+    /// Whether nothing that is staged for `tick` can be relied on: all workers read the same memory, and those
+    /// who found it intact may have looked before.
+    pub(super) fn is_struck(&self, tick: u64) -> bool {
+        self.struck.load(Ordering::Relaxed) == tick.saturating_add(1)
     }
 
     /// Whether every worker is done with `tick`, which was released last.

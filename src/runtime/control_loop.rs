@@ -259,9 +259,10 @@ impl<C: Clock> ControlLoop<C> {
     fn collect(&mut self, tick: u64) {
         let (memory, corrupt) = (&mut self.memory, self.board.is_corrupt(tick));
         let missing = if corrupt { StopReason::Corrupt } else { StopReason::Deadline };
+        let struck = self.board.is_struck(tick);
         let answers = memory.commands.iter_mut().zip(&mut memory.intents);
         for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
-            let staged = self.board.staging.take(index, tick);
+            let staged = self.board.staging.take(index, tick).filter(|_| !struck);
             (*command, *intent) = answer(state, staged, missing, &self.limits, intent);
         }
     }

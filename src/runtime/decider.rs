@@ -35,6 +35,12 @@ pub trait Decider {
     fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
         let _ = each;
     }
+
+    /// Makes the robot at `index` of the fleet remember again what it did `before` it answered period `tick`,
+    /// whose state turned out to be corrupted. One that remembers nothing need not.
+    fn undo(&mut self, index: usize, tick: u64, before: &RobotCheckpoint) {
+        let _ = (index, tick, before);
+    }
 }
 
 impl Decider for RobotGroup {
@@ -58,5 +64,9 @@ impl Decider for RobotGroup {
 
     fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
         RobotGroup::checkpoint(self, each);
+    }
+
+    fn undo(&mut self, index: usize, tick: u64, before: &RobotCheckpoint) {
+        RobotGroup::undo(self, index, tick, before);
     }
 }

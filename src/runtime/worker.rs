@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::board::{Board, Released};
 use super::decider::Decider;
 use super::event_count::Waiting;
-use crate::channel::StateReader;
+use crate::channel::{Received, StateReader};
 use crate::clock::Clock;
 use crate::config::Wakeup;
 use crate::controller::Decision;
@@ -188,11 +188,27 @@ impl<C: Clock> Worker<C> {
                     robots.push((index, *telemetry));
                 }
             });
+            if self.was_struck(tick, &sample) {
+                checkpoints.drain(..).for_each(|(index, before)| decider.undo(index, tick, &before));
+                robots.clear();
+            }
             record.state_to_staged_ns = since_state();
         });
         if !recorded {
+            // What is to be undone goes with the record.
             self.decide(tick, decider, sample.robots(), &mut |_, _| {}, |_, _| {});
+            self.was_struck(tick, &sample);
         }
+    }
+
+    /// Whether somebody wrote over the state while it was answered: what was decided may be of a fleet that
+    /// never was, and nobody acts on it.
+    fn was_struck(&self, tick: u64, sample: &Received<RobotState>) -> bool {
+        let struck = !sample.is_intact();
+        if struck {
+            self.board.found_struck(tick);
+        }
+        struck
     }
 
     fn decide<D: Decider>(

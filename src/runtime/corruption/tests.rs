@@ -1,23 +1,27 @@
 //! Every bit of an observation, of a state and of a command flips on its way, one at a time: whoever
 //! was to act on it refuses and counts it. Eight robots, over channels in memory.
 
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::board::Board;
+use super::decider::Decider;
+use super::tests::support::World;
 use super::worker::Worker;
 use crate::admission::Rejection;
 use crate::channel::memory::{Memory, Message, Queue};
 use crate::channel::{Attachment, Reader, Record, StateReader, Transport, Writer};
 use crate::clock::VirtualClock;
 use crate::config::{ChannelConfig, Config, Wakeup};
-use crate::controller::RobotGroup;
+use crate::controller::{Decision, RobotGroup, Robots};
 use crate::model::Command;
 use crate::robots::{Link, RemoteRobots};
 use crate::scenario::Scenario;
 use crate::source::{Instant, Observed, StateSource};
 use crate::telemetry::{Pool, SolveRecord};
-use crate::wire::{RobotCommand, RobotObservation, RobotState, state_flags};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotObservation, RobotState, state_flags};
 
 const T: u64 = 80_000_000;
 const NOW: u64 = 1_000 * T;
@@ -169,6 +173,123 @@ fn no_bit_of_a_state() {
     worker.period(TICK, &mut group);
     assert!(board.staging.complete(TICK));
     assert_eq!(board.corrupt_states.load(Ordering::Relaxed), way.bits() as u64);
+}
+
+/// Controllers during whose decision somebody writes over the state, in shared memory itself.
+struct Struck<'a> {
+    inner: RobotGroup,
+    world: &'a World,
+    strikes: bool,
+}
+
+impl Struck<'_> {
+    /// Moves the first robot by half a metre, in every sample that says the same.
+    fn strike(&self, fleet: &[RobotState]) {
+        let whole: &[u8] = bytemuck::cast_slice(fleet);
+        let moved = RobotState { x_m: fleet[0].x_m + 0.5, ..fleet[0] };
+        let mut struck = 0;
+        for path in self.world.files().iter().filter(|_| self.strikes) {
+            let content = std::fs::read(path).unwrap();
+            let file = std::fs::OpenOptions::new().write(true).open(path).unwrap();
+            let samples = content.windows(whole.len()).enumerate().filter(|(_, window)| *window == whole);
+            for (at, _) in samples {
+                file.write_all_at(bytemuck::bytes_of(&moved), at as u64).unwrap();
+                struck += 1;
+            }
+        }
+        assert_eq!(struck > 0, self.strikes);
+    }
+}
+
+impl Decider for Struck<'_> {
+    fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision)) {
+        self.strike(fleet);
+        Decider::decide(&mut self.inner, fleet, each);
+    }
+    fn is_regional(&self) -> bool {
+        self.inner.is_regional()
+    }
+    fn decide_region(
+        &mut self,
+        region: (u64, Range<usize>),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        self.strike(fleet);
+        Decider::decide_region(&mut self.inner, region, fleet, remember, each);
+    }
+    fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+        Decider::checkpoint(&self.inner, each);
+    }
+    fn undo(&mut self, index: usize, tick: u64, before: &RobotCheckpoint) {
+        self.inner.undo(index, tick, before);
+    }
+}
+
+/// What is answered in periods 5 to 7, with somebody who writes over the state of period 6 or without: by
+/// robot, the command if anybody may act on it and what was remembered before.
+fn answers(regional: bool, strikes: bool) -> Vec<Vec<(Option<RobotCommand>, Option<RobotCheckpoint>)>> {
+    let (world, config) = (World::new("struck"), config());
+    let node = Transport::new("default", &world.channel).unwrap().attach("test").unwrap();
+    let mut writer: Writer<RobotState> = node.writer(ROBOTS).unwrap();
+    let ids = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
+    let board = Arc::new(Board::new(ids, 1, Wakeup::Futex));
+    let records = Arc::new(Pool::new(4, || SolveRecord::with_room(ROBOTS)));
+    let mut worker = Worker {
+        index: 0,
+        wakeup: Wakeup::Futex,
+        due_ns: 0,
+        owned: 0..ROBOTS,
+        robots: ROBOTS,
+        epoch: EPOCH,
+        clock: VirtualClock::new(NOW),
+        states: node.reader().unwrap(),
+        board: Arc::clone(&board),
+        records: Arc::clone(&records),
+    };
+    let inner = match regional {
+        true => RobotGroup::among(&config, Arc::new(Robots::new(&config))).unwrap(),
+        false => RobotGroup::new(&config, 0..ROBOTS).unwrap(),
+    };
+    let mut group = Struck { inner, world: &world, strikes: false };
+    let period = |tick: u64| {
+        writer
+            .publish(|header, records| {
+                (header.epoch, header.tick, header.stamp_ns) = (EPOCH, tick, NOW);
+                (header.release_ns, header.period_ns) = (NOW, T);
+                records.copy_from_slice(&states(&config));
+            })
+            .unwrap();
+        board.release(tick);
+        group.strikes = strikes && tick == 6;
+        worker.period(tick, &mut group);
+        let struck = u64::from(strikes && tick >= 6);
+        assert_eq!(board.corrupt_states.load(Ordering::Relaxed), struck);
+        assert_eq!((board.is_struck(tick), board.is_corrupt(tick)), (group.strikes, group.strikes));
+        let mut answers = vec![(None, None); ROBOTS];
+        records.read(|record| {
+            record.checkpoints.iter().for_each(|(index, before)| answers[*index].1 = Some(*before));
+            assert_eq!(record.robots.len(), if group.strikes { 0 } else { ROBOTS });
+        });
+        for (index, answer) in answers.iter_mut().enumerate().filter(|_| !board.is_struck(tick)) {
+            answer.0 = board.staging.take(index, tick).map(|(command, _)| command);
+        }
+        answers
+    };
+    (5..8).map(period).collect()
+}
+
+#[test]
+fn no_state_that_is_written_over_while_it_is_answered() {
+    for regional in [false, true] {
+        let (as_ever, struck) = (answers(regional, false), answers(regional, true));
+        assert!(as_ever.iter().flatten().all(|(command, before)| command.is_some() && before.is_some()));
+        assert_eq!(struck[0], as_ever[0]);
+        assert!(struck[1].iter().all(|answer| *answer == (None, None)));
+        // The controllers go on as if that period had not been.
+        assert_eq!(struck[2], as_ever[1]);
+    }
 }
 
 #[test]
