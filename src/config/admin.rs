@@ -5,7 +5,8 @@ pub struct AdminConfig {
     pub capacity: usize,
     /// Clients that `admin` can have at a time.
     pub max_clients: usize,
-    /// Changes that are carried out in one period; what goes beyond is answered busy.
+    /// Goals, additions and removals that are carried out in one period, and as many pauses, resumes and
+    /// clears; what goes beyond is answered busy.
     pub changes_per_period: usize,
 }
 

@@ -55,10 +55,10 @@ pub(super) struct Shared {
     pub(super) until: Until,
 }
 
-/// Batches that the desk has room for: what a period carries out, and stops, which are never busy. There
-/// is at most one before and one after each that clears one.
+/// Batches that the desk has room for: orders, as many pauses, resumes and clears, and stops, which are
+/// never busy. There is at most one before and one after each that clears one.
 pub(super) fn desk_size(config: &Config) -> usize {
-    2 * config.admin.changes_per_period + 1
+    3 * config.admin.changes_per_period + 1
 }
 
 /// The thread: makes its port, says so, answers until the run is over.

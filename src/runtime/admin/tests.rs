@@ -24,7 +24,7 @@ struct Rig {
     admin: Admin<MonotonicClock>,
     desk: Arc<Desk>,
     board: Arc<Board>,
-    ports: [AdminPort; 2],
+    ports: [AdminPort; 4],
     ticks: u64,
     _world: World,
 }
@@ -37,7 +37,7 @@ impl Rig {
         let transport = Transport::new("default", &world.channel).unwrap();
         let node = transport.attach("test").unwrap();
         let server = node.admin_server(4).unwrap();
-        let ports = [(); 2].map(|()| node.admin().unwrap());
+        let ports = [(); 4].map(|()| node.admin().unwrap());
         let (board, desk) =
             (Arc::new(Board::new(vec![0], 1, Wakeup::Futex)), Arc::new(Desk::new(desk_size(&config))));
         let shared = Shared {
@@ -267,6 +267,27 @@ fn a_disk_that_does_not_answer_keeps_no_client_from_a_stop_and_leaves_nobody_wit
     }
     assert_eq!(pause.answer().unwrap().map(|(answer, _)| answer.code), not_kept);
     disk.mend();
+}
+
+#[test]
+fn long_orders_of_others_leave_room_for_a_pause_and_a_resume() {
+    let (scenario, goals) = crowd(3000, 12);
+    let mut rig = Rig::new("admin_long", scenario);
+    let share = crate::config::AdminConfig::default().changes_per_period / 2;
+    let orders: Vec<_> = (0..2 * share).map(|n| rig.ask(n % 2, AdminKind::SetGoals, 0, &goals)).collect();
+    rig.admin.round(false);
+    assert!(orders.iter().all(|order| order.answer().unwrap().is_none()));
+    let order = rig.ask(2, AdminKind::SetGoals, 0, &[goal(0, -100.0)]);
+    assert_eq!(rig.answer(&order).0.code, AdminCode::Busy as u32);
+    for kind in [AdminKind::Pause, AdminKind::Resume, AdminKind::Clear] {
+        // Of these one client has half, too.
+        let waiting: Vec<_> = (0..=share).map(|_| rig.ask(2, kind, 0, &[])).collect();
+        rig.admin.round(false);
+        assert_eq!(rig.carry_out().len(), share, "{kind:?}");
+        let codes: Vec<_> = waiting.iter().map(|one| rig.answer(one).0.code).collect();
+        assert!(codes[..share].iter().all(|code| *code == AdminCode::Done as u32), "{kind:?}: {codes:?}");
+        assert_eq!(codes[share], AdminCode::Busy as u32);
+    }
 }
 
 #[test]

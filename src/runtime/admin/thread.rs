@@ -294,7 +294,7 @@ impl<C: Clock> Admin<C> {
                 self.pending.push(Pending { key, asked });
                 return;
             }
-        } else if !self.has_room_for(asked.client()) {
+        } else if !self.has_room_for(&asked) {
             self.refuse(asked, &busy("too many changes in one period"));
             return;
         }
@@ -308,14 +308,17 @@ impl<C: Clock> Admin<C> {
         }
     }
 
-    /// A period takes so many changes; a client half of them, so that another one finds room.
-    fn has_room_for(&self, client: u128) -> bool {
+    /// A period takes so many orders, however long some of them wait here, and as many pauses, resumes and
+    /// clears beside them; of each a client half, so that another one finds room.
+    fn has_room_for(&self, asked: &Asked) -> bool {
         let most = self.shared.config.admin.changes_per_period;
-        let orders = || self.jobs.iter().filter(|job| job.is_order());
-        let mine = self.under_way.iter().filter(|one| one.client == client).count()
-            + orders().filter(|job| job.asked().client() == client).count();
-        let all = self.under_way.iter().filter(|one| !is_stop(&one.changes)).count() + orders().count();
-        all < most && mine < most.div_ceil(2)
+        let holds = is_about_hold(asked);
+        let like_it = |one: &&UnderWay| is_hold(&one.changes) == holds && !is_stop(&one.changes);
+        let under_way = self.under_way.iter().filter(like_it).map(|one| one.client);
+        let orders = self.jobs.iter().filter(|job| job.is_order() && !holds);
+        let clients: Vec<_> = under_way.chain(orders.map(|job| job.asked().client())).collect();
+        let mine = clients.iter().filter(|client| **client == asked.client()).count();
+        clients.len() < most && mine < most.div_ceil(2)
     }
 
     /// Passes a sound request on to the loop.
