@@ -100,8 +100,9 @@ impl Kept {
 }
 
 /// The robots that take commands, in ascending order of id.
-pub fn own(robots: &[RobotSpec]) -> Vec<RobotSpec> {
-    let mut own: Vec<_> = robots.iter().filter(|robot| robot.foreign_speed_mps.is_none()).copied().collect();
+pub fn own<'a>(robots: impl IntoIterator<Item = &'a RobotSpec>) -> Vec<RobotSpec> {
+    let mut own: Vec<_> =
+        robots.into_iter().filter(|robot| robot.foreign_speed_mps.is_none()).copied().collect();
     own.sort_by_key(|robot| robot.id);
     own
 }

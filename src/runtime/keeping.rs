@@ -240,11 +240,6 @@ impl Journal {
         state.newest
     }
 
-    /// Number of the newest change.
-    pub(super) fn newest(&self) -> u64 {
-        self.0.lock().newest
-    }
-
     /// What came of a change: `None` while it is not on the disk, and the reason when it could not be put
     /// there.
     pub(super) fn outcome(&self, number: u64) -> Option<Result<(), String>> {

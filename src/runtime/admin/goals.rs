@@ -36,12 +36,9 @@ struct After {
 
 impl Goals {
     /// Begins to check `records` against `plan`, which stays the same until they are checked.
-    pub(super) fn new(plan: &Plan, records: Vec<AdminRobot>) -> Result<Self, Refusal> {
-        if records.is_empty() || records.len() > plan.capacity() {
-            return Err(Refusal::malformed("goals for one robot or several, at most for all, are needed"));
-        }
+    pub(super) fn new(plan: &Plan, records: Vec<AdminRobot>) -> Self {
         let (changes, named) = (Vec::with_capacity(records.len()), vec![false; plan.capacity()]);
-        Ok(Self { records, changes, named, after: None, free: 0 })
+        Self { records, changes, named, after: None, free: 0 }
     }
 
     /// Goes on for about `looks` looks at an obstacle or a robot and takes off what it needed; whether all
@@ -177,7 +174,7 @@ mod tests {
             };
             let any = goals.iter().enumerate().any(|(k, a)| goals[..k].iter().any(|b| close(a, b)));
             let records = wanted.iter().map(|(id, (x, y))| to(3 * id, *x, *y)).collect();
-            let mut check = Goals::new(&plan, records).unwrap();
+            let mut check = Goals::new(&plan, records);
             let outcome = loop {
                 match check.advance(&plan, &mut part.clone()) {
                     Ok(false) => {}
@@ -196,7 +193,7 @@ mod tests {
         let takes = |id: &u32| id % 7 != 6;
         let records: Vec<_> =
             (0..robots).filter(takes).map(|id| to(3 * id, f64::from(id) * 1.1, 9.0)).collect();
-        let (count, mut goals, mut parts) = (records.len(), Goals::new(&plan, records).unwrap(), 1);
+        let (count, mut goals, mut parts) = (records.len(), Goals::new(&plan, records), 1);
         while !goals.advance(&plan, &mut 10_000).unwrap() {
             parts += 1;
         }

@@ -125,13 +125,9 @@ impl Order {
     }
 
     fn begin(&self, plan: &Plan) -> Result<Step, Refusal> {
-        if self.asked.len() > plan.capacity() {
-            let text = "the request is about more robots than the fleet has room for";
-            return Err(Refusal::malformed(text));
-        }
         let records = self.asked.robots();
         match self.kind {
-            AdminKind::SetGoals => Goals::new(plan, records).map(Step::Goals),
+            AdminKind::SetGoals => Ok(Step::Goals(Goals::new(plan, records))),
             kind => plan.changes(kind, &records).map(Step::routes),
         }
     }

@@ -8,7 +8,6 @@ use crate::channel::Asked;
 use crate::clock::Clock;
 use crate::journal::{StoppedBy, own};
 use crate::runtime::desk::Change;
-use crate::runtime::keeping::Journal;
 use crate::wire::{AdminCode, state_flags};
 
 /// How long the last answers of a run wait for the disk.
@@ -21,38 +20,60 @@ const HELD_MAX: usize = 4;
 
 /// A request that was carried out and is on its way to the disk.
 pub(super) struct Unkept {
-    /// Number of the change in the journal.
-    number: u64,
+    /// Number of the change in the journal, once that has it.
+    number: Option<u64>,
     asked: Asked,
     acts_from_tick: u64,
 }
 
-impl<C: Clock> Admin<C> {
-    /// Hands what `changes` came to over to the journal. The fleet obeys already, and waits for no disk.
-    pub(super) fn keep(&self, changes: &[Change]) {
-        let Some(journal) = &self.shared.journal else { return };
-        let hold = self.carried_out.hold();
+/// What was carried out and is not handed over to the journal yet.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Unsaved {
+    anything: bool,
+    fleet: bool,
+    cleared: bool,
+}
+
+impl Unsaved {
+    pub(super) fn note(&mut self, changes: &[Change]) {
         let clears = |change: &Change| matches!(change, Change::Hold { clear, .. } if clear & state_flags::STOPPED != 0);
-        let cleared = changes.iter().any(clears);
-        let fleet_changed = changes.iter().any(|change| !matches!(change, Change::Hold { .. }));
-        let robots: Option<Vec<_>> = fleet_changed.then(|| self.carried_out.robots().copied().collect());
-        journal.keep(|kept| {
+        self.anything = true;
+        self.cleared |= changes.iter().any(clears);
+        self.fleet |= changes.iter().any(|change| !matches!(change, Change::Hold { .. }));
+    }
+}
+
+impl<C: Clock> Admin<C> {
+    /// Hands what was carried out since the last time over to the journal. The fleet obeys already, and
+    /// waits for no disk.
+    pub(super) fn keep(&mut self) {
+        let Unsaved { anything, fleet, cleared } = self.unsaved;
+        let Some(journal) = self.shared.journal.as_ref().filter(|_| anything) else { return };
+        let hold = self.carried_out.hold();
+        // Copied and sorted before the journal is locked; what they replace is freed after.
+        let mut robots = fleet.then(|| own(self.carried_out.robots()));
+        let number = journal.keep(|kept| {
+            if cleared {
+                kept.stopped = None;
+                kept.restarts.reset();
+            }
             kept.paused = hold & state_flags::PAUSED != 0;
             let stopped = hold & state_flags::STOPPED != 0;
             kept.stopped = stopped.then_some(kept.stopped.unwrap_or(StoppedBy::Operator));
-            if cleared {
-                kept.restarts.reset();
-            }
-            if let Some(robots) = robots {
-                kept.robots = own(&robots);
+            if let Some(robots) = &mut robots {
+                std::mem::swap(robots, &mut kept.robots);
             }
         });
+        self.unsaved = Unsaved::default();
+        for one in &mut self.unkept {
+            one.number.get_or_insert(number);
+        }
     }
 
     /// Answers that a request is carried out: without a journal at once, otherwise when it is kept.
     pub(super) fn done_once_kept(&mut self, asked: Asked, acts_from_tick: u64) {
-        match self.shared.journal.as_ref().map(Journal::newest) {
-            Some(number) => self.unkept.push(Unkept { number, asked, acts_from_tick }),
+        match self.shared.journal {
+            Some(_) => self.unkept.push(Unkept { number: None, asked, acts_from_tick }),
             None => self.done(asked, acts_from_tick),
         }
     }
@@ -60,11 +81,20 @@ impl<C: Clock> Admin<C> {
     /// Answers what is on the disk by now, or cannot be put there.
     pub(super) fn answer_kept(&mut self) {
         let Some(journal) = self.shared.journal.clone() else { return };
-        for one in std::mem::take(&mut self.unkept) {
-            match journal.outcome(one.number) {
-                None => self.unkept.push(one),
-                Some(Ok(())) => self.done(one.asked, one.acts_from_tick),
-                Some(Err(why)) => {
+        let mut next = 0;
+        while let Some(number) = self.unkept.get(next).map(|one| one.number) {
+            let Some(outcome) = number.and_then(|number| journal.outcome(number)) else {
+                next += 1;
+                continue;
+            };
+            let one = self.unkept.remove(next);
+            #[cfg(test)]
+            if let Some(kind) = crate::wire::AdminKind::from_code(one.asked.header().kind) {
+                self.fail_at(super::thread::Fault::Kept(kind));
+            }
+            match outcome {
+                Ok(()) => self.done(one.asked, one.acts_from_tick),
+                Err(why) => {
                     let text = format!(
                         "it is carried out and in force, and will not survive a restart of the daemon: the journal \
                          cannot be written: {why}"

@@ -16,6 +16,7 @@ mod kept;
 mod plan;
 mod refusal;
 mod rehearsal;
+mod settle;
 #[cfg(test)]
 mod tests;
 mod texts;

@@ -9,6 +9,9 @@ use crate::runtime::desk::Change;
 use crate::scenario::{ROUNDING_M, SIZE_MAX_M, Scenario};
 use crate::wire::{AdminCode, AdminKind, AdminRobot, NO_ROBOT, state_flags};
 
+const ADD_ONE: &str = "one robot at a time is added";
+const REMOVE_ONE: &str = "one robot at a time is removed";
+
 /// The fleet as it will be once everything that was accepted is carried out: what requests are checked
 /// against.
 #[derive(Debug, Clone)]
@@ -114,20 +117,36 @@ impl Plan {
         *slot = robot;
     }
 
+    /// Whether a request of a kind that changes something may be about so many robots.
+    ///
+    /// # Errors
+    /// How many it may be about.
+    pub(super) fn check_number(&self, kind: AdminKind, robots: usize) -> Result<(), Refusal> {
+        let several = 1..=self.capacity();
+        match kind {
+            AdminKind::SetGoals if !several.contains(&robots) => Err(Refusal::malformed(
+                "goals for one robot or several, at most as many as the fleet has room for, are needed",
+            )),
+            AdminKind::AddRobot if robots != 1 => Err(Refusal::malformed(ADD_ONE)),
+            AdminKind::RemoveRobot if robots != 1 => Err(Refusal::malformed(REMOVE_ONE)),
+            AdminKind::Pause | AdminKind::Stop | AdminKind::Clear | AdminKind::Resume if robots != 0 => {
+                Err(Refusal::about_no_robot())
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// What a request of a kind that changes something comes to.
     ///
     /// # Errors
     /// Why it cannot be carried out.
     pub(super) fn changes(&self, kind: AdminKind, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
+        self.check_number(kind, records.len())?;
         let (paused, stopped) = (state_flags::PAUSED, state_flags::STOPPED);
-        let hold = |set, clear| {
-            let none = records.is_empty();
-            let changes = vec![Change::Hold { set, clear }];
-            if none { Ok(changes) } else { Err(Refusal::about_no_robot()) }
-        };
+        let hold = |set, clear| Ok(vec![Change::Hold { set, clear }]);
         match kind {
             AdminKind::SetGoals => {
-                let mut goals = Goals::new(self, records.to_vec())?;
+                let mut goals = Goals::new(self, records.to_vec());
                 while !goals.advance(self, &mut { usize::MAX })? {}
                 Ok(goals.changes())
             }
@@ -150,7 +169,7 @@ impl Plan {
     }
 
     fn add(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
-        let [record] = records else { return Err(Refusal::malformed("one robot at a time is added")) };
+        let [record] = records else { return Err(Refusal::malformed(ADD_ONE)) };
         let id = record.id;
         if id == NO_ROBOT || self.ids.contains_key(&id) {
             return Err(Refusal::of(id, AdminCode::TakenId, format!("the id {id} is taken: choose another")));
@@ -188,7 +207,7 @@ impl Plan {
     }
 
     fn remove(&self, records: &[AdminRobot]) -> Result<Vec<Change>, Refusal> {
-        let [record] = records else { return Err(Refusal::malformed("one robot at a time is removed")) };
+        let [record] = records else { return Err(Refusal::malformed(REMOVE_ONE)) };
         self.find(record.id).map(|(place, _)| vec![Change::Remove { place }])
     }
 

@@ -5,11 +5,12 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use super::thread::Admin;
+use super::thread::{Admin, Fault};
 use super::{Shared, desk_size};
 use crate::channel::{AdminPort, Transport, Waiting};
 use crate::clock::{Clock, MonotonicClock};
 use crate::config::{Config, Wakeup};
+use crate::journal::{Kept, StoppedBy, file};
 use crate::model::Obstacle;
 use crate::realtime::Achieved;
 use crate::runtime::board::Board;
@@ -26,14 +27,32 @@ struct Rig {
     board: Arc<Board>,
     ports: [AdminPort; 4],
     ticks: u64,
+    keeper: Option<Keeper>,
     _world: World,
 }
 
 impl Rig {
     fn new(name: &str, scenario: Scenario) -> Self {
+        Self::make(name, scenario, false)
+    }
+
+    /// With a journal.
+    fn kept(name: &str, scenario: Scenario) -> Self {
+        Self::make(name, scenario, true)
+    }
+
+    fn make(name: &str, scenario: Scenario, kept: bool) -> Self {
         let world = World::new(name);
         let mut config: Config = config(&world, scenario, 10_000_000);
         config.source.arena_m = 1e5;
+        config.journal.path = kept.then(|| world.channel.root.join("journal"));
+        std::fs::create_dir_all(&world.channel.root).unwrap();
+        let (config, opened) = Opened::open(config, Until::Stopped).unwrap();
+        let keeper = opened.map(|opened| {
+            let mut keeper = opened.keeper(7);
+            keeper.begin().unwrap();
+            keeper
+        });
         let transport = Transport::new("default", &world.channel).unwrap();
         let node = transport.attach("test").unwrap();
         let server = node.admin_server(4).unwrap();
@@ -49,11 +68,11 @@ impl Rig {
             workers: 1,
             epoch: 7,
             hold: 0,
-            journal: None,
+            journal: keeper.as_ref().map(Keeper::journal),
             until: Until::Stopped,
         };
         let admin = Admin::new(MonotonicClock, node, server, shared);
-        Self { admin, desk, board, ports, ticks: 0, _world: world }
+        Self { admin, desk, board, ports, ticks: 0, keeper, _world: world }
     }
 
     fn ask(&self, client: usize, kind: AdminKind, offset: u64, robots: &[AdminRobot]) -> Waiting {
@@ -69,8 +88,17 @@ impl Rig {
             if let Some((answer, text)) = waiting.answer().unwrap() {
                 return (answer, text, rounds);
             }
+            if self.keeper.is_some() {
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
         }
         panic!("never answered");
+    }
+
+    /// What the journal's file holds.
+    fn on_disk(&self) -> Kept {
+        let path = self.keeper.as_ref().unwrap().path();
+        Kept::decode(&file::load(path).unwrap().unwrap()).unwrap()
     }
 
     /// Carries out what waits, as the loop does.
@@ -291,22 +319,99 @@ fn long_orders_of_others_leave_room_for_a_pause_and_a_resume() {
 }
 
 #[test]
-fn a_panic_costs_one_request_is_shown_and_leaves_a_stop_possible() {
+fn a_request_about_too_many_robots_is_refused_before_it_waits_and_serves_nothing() {
+    let (scenario, goals) = crowd(3000, 12);
+    let mut rig = Rig::new("admin_number", scenario);
+    let stop = rig.ask(0, AdminKind::Stop, 0, &[]);
+    rig.admin.round(false);
+    let _slow = rig.ask(0, AdminKind::SetGoals, 0, &goals);
+    assert!(rig.admin.round(false));
+    let more = [goals.clone(), goals.clone()].concat();
+    let all = [
+        (AdminKind::Stop, &more[..1]),
+        (AdminKind::Pause, &more),
+        (AdminKind::Resume, &more),
+        (AdminKind::Clear, &more),
+        (AdminKind::SetGoals, &more),
+        (AdminKind::SetGoals, &[]),
+        (AdminKind::AddRobot, &more),
+        (AdminKind::RemoveRobot, &more),
+        (AdminKind::Status, &more),
+    ];
+    for (kind, robots) in all {
+        let waiting = rig.ask(1, kind, 0, robots);
+        let (answer, _, rounds) = rig.answer(&waiting);
+        assert_eq!((answer.code, rounds), (AdminCode::Malformed as u32, 1), "{kind:?}");
+    }
+    assert_eq!(rig.carry_out().len(), 1);
+    assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32);
+}
+
+#[test]
+fn a_panic_costs_one_request_is_shown_and_not_the_round_that_it_came_in() {
     let mut rig = Rig::new("admin_panic", lanes(2, 20.0));
-    rig.admin.fault = Some(AdminKind::SetGoals);
-    let lost = rig.ask(0, AdminKind::SetGoals, 0, &[goal(0, 5.0)]);
-    rig.admin.round_or_rest(false);
-    rig.admin.round_or_rest(false);
-    assert!(lost.answer().unwrap().is_none());
-    assert_eq!(rig.board.admin_panics.load(Ordering::Relaxed), 1);
+    for (n, kind) in [AdminKind::SetGoals, AdminKind::Pause].into_iter().enumerate() {
+        rig.admin.fault = Some(Fault::Asked(kind));
+        let robots = [goal(0, 5.0)];
+        let lost = rig.ask(0, kind, 0, if n == 0 { &robots } else { &[] });
+        let stop = rig.ask(1, AdminKind::Stop, 0, &[]);
+        let more = rig.ask(1, AdminKind::AddRobot, 0, &[]);
+        rig.admin.round(false);
+        assert_eq!(rig.board.admin_panics.load(Ordering::Relaxed), n as u64 + 1);
+        assert_eq!(rig.carry_out()[0].changes, [Change::Hold { set: state_flags::STOPPED, clear: 0 }]);
+        assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32);
+        assert_eq!(rig.answer(&more).0.code, AdminCode::Malformed as u32);
+        assert!(lost.answer().unwrap().is_none());
+    }
     let status = rig.ask(1, AdminKind::Status, 0, &[]);
     let (answer, text, _) = rig.answer(&status);
     assert!(answer.has(admin_flags::DEGRADED) && answer.degraded == 1);
     assert!(String::from_utf8_lossy(&text).contains("panicked"));
-    let stop = rig.ask(1, AdminKind::Stop, 0, &[]);
-    rig.admin.round_or_rest(false);
-    assert_eq!(rig.carry_out().len(), 1);
-    assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32);
+}
+
+#[test]
+fn a_panic_over_an_answer_leaves_nothing_in_force_that_is_not_kept() {
+    for fault in [Fault::Back(AdminKind::SetGoals), Fault::Kept(AdminKind::SetGoals)] {
+        let mut rig = Rig::kept("admin_panic_kept", lanes(2, 20.0));
+        rig.admin.fault = Some(fault);
+        let (lost, stop) =
+            (rig.ask(0, AdminKind::SetGoals, 0, &[goal(0, -5.0)]), rig.ask(1, AdminKind::Stop, 0, &[]));
+        rig.admin.round(false);
+        assert_eq!(rig.carry_out().len(), 2);
+        assert_eq!(rig.answer(&stop).0.code, AdminCode::Done as u32, "{fault:?}");
+        // It is done once the disk has it; so is what is kept with it.
+        let kept = rig.on_disk();
+        assert_eq!(kept.stopped, Some(StoppedBy::Operator));
+        assert!((kept.robots[0].goal_m.y + 5.0).abs() < 1e-12, "{fault:?}: {kept:?}");
+        while rig.board.admin_panics.load(Ordering::Relaxed) == 0 {
+            rig.admin.round(false);
+        }
+        assert!(lost.answer().unwrap().is_none());
+    }
+}
+
+#[test]
+fn what_comes_back_together_is_handed_to_the_journal_once() {
+    let mut rig = Rig::kept("admin_kept_once", lanes(2, 20.0));
+    let journal = rig.admin.shared.journal.clone().unwrap();
+    let waiting: Vec<_> =
+        (0..4).map(|n| rig.ask(n, AdminKind::SetGoals, 0, &[goal(0, -5.0 - n as f64)])).collect();
+    rig.admin.round(false);
+    assert_eq!(rig.carry_out().len(), 4);
+    for one in &waiting {
+        assert_eq!(rig.answer(one).0.code, AdminCode::Done as u32);
+    }
+    // This is the second change.
+    assert_eq!(journal.keep(|_| ()), 2);
+    assert!((rig.on_disk().robots[0].goal_m.y + 8.0).abs() < 1e-12);
+    // A stop that was cleared and given again in one period is the operator's.
+    let kinds = [AdminKind::Stop, AdminKind::Clear, AdminKind::Stop];
+    let _waiting = kinds.map(|kind| rig.ask(0, kind, 0, &[]));
+    rig.admin.round(false);
+    assert_eq!(rig.carry_out().len(), 3);
+    rig.admin.round(false);
+    assert_eq!(journal.keep(|_| ()), 4);
+    assert_eq!(journal.condition().stopped, Some(StoppedBy::Operator));
 }
 
 #[test]

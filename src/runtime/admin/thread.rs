@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::Shared;
 use super::answer::{Facts, Tally};
 use super::job::{Job, Order, Routes, Text};
-use super::kept::Unkept;
+use super::kept::{Unkept, Unsaved};
 use super::plan::Plan;
 use super::refusal::{Refusal, busy, check_header, ending, expired, outdated};
 use super::texts::Texts;
@@ -27,8 +27,20 @@ const QUERIES_A_ROUND: usize = 16;
 const LOOKS_A_ROUND: usize = 100_000;
 /// How long it is remembered who is attached.
 const ATTACHED_FOR: Duration = Duration::from_millis(200);
-/// How long the thread rests after a panic, so that one that repeats does not fill the log.
+/// How long the thread rests after a round with a panic, so that one that repeats does not fill the log.
 const REST: Duration = Duration::from_millis(20);
+
+/// Where a test has it panic.
+#[cfg(test)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Fault {
+    /// When such a request is looked at.
+    Asked(AdminKind),
+    /// When such a request has come back from the loop.
+    Back(AdminKind),
+    /// When such a request is kept.
+    Kept(AdminKind),
+}
 
 /// The thread's state.
 pub(in crate::runtime) struct Admin<C: Clock> {
@@ -36,27 +48,34 @@ pub(in crate::runtime) struct Admin<C: Clock> {
     node: Attachment,
     server: AdminServer,
     pub(super) shared: Shared,
-    plan: Plan,
+    pub(super) plan: Plan,
     /// The plan without what is still with the loop.
     pub(super) carried_out: Plan,
     /// What is with the loop, in its order.
-    under_way: Vec<UnderWay>,
-    pending: Vec<Pending>,
+    pub(super) under_way: Vec<UnderWay>,
+    pub(super) pending: Vec<Pending>,
+    /// What has come back from the loop and is being answered.
+    pub(super) back: Option<Arc<Batch>>,
+    /// What of it the journal does not know yet.
+    pub(super) unsaved: Unsaved,
     /// What is done and has to be kept before it is answered.
     pub(super) unkept: Vec<Unkept>,
+    /// What was taken in and not looked at yet.
+    inbox: VecDeque<Asked>,
     /// What may take long, in the order in which it came.
     jobs: VecDeque<Job>,
     texts: Texts,
     /// Counts the changes of what is carried out.
-    version: u64,
+    pub(super) version: u64,
     next_key: u64,
-    refusals_known: u64,
+    pub(super) refusals_known: u64,
+    /// Something panicked since the thread rested.
+    panicked: bool,
     tally: Tally,
     attached: Option<(Instant, Attached)>,
     started: Instant,
-    /// Panics when such a request is looked at.
     #[cfg(test)]
-    pub(super) fault: Option<AdminKind>,
+    pub(super) fault: Option<Fault>,
 }
 
 impl<C: Clock> Admin<C> {
@@ -71,12 +90,16 @@ impl<C: Clock> Admin<C> {
             shared,
             under_way: Vec::new(),
             pending: Vec::new(),
+            back: None,
+            unsaved: Unsaved::default(),
             unkept: Vec::new(),
+            inbox: VecDeque::new(),
             jobs: VecDeque::new(),
             texts: Texts::default(),
             version: 0,
             next_key: 0,
             refusals_known: 0,
+            panicked: false,
             tally: Tally::default(),
             attached: None,
             started: Instant::now(),
@@ -92,149 +115,101 @@ impl<C: Clock> Admin<C> {
             .clamp(Duration::from_millis(1), Duration::from_millis(5));
         loop {
             let over = self.shared.board.released(None) == Released::Over;
-            let more = self.round_or_rest(over);
+            let more = self.round(over);
             self.shared.board.admin_rounds.fetch_add(1, Ordering::Relaxed);
             if over {
-                for job in std::mem::take(&mut self.jobs) {
-                    self.refuse(job.into_asked(), &ending());
-                }
-                self.wait_for_kept();
-                for Pending { asked, .. } in std::mem::take(&mut self.pending) {
-                    self.refuse(asked, &ending());
-                }
+                self.guarded(Self::end);
                 return;
             }
-            if !more {
+            if std::mem::take(&mut self.panicked) {
+                std::thread::sleep(REST);
+            } else if !more {
                 std::thread::sleep(pause);
             }
         }
     }
 
-    /// A round whose panic costs the request that was looked at, which is never answered, and nothing else.
-    pub(super) fn round_or_rest(&mut self, over: bool) -> bool {
+    /// Answers whatever still waits when the run is over.
+    fn end(&mut self) {
+        for job in std::mem::take(&mut self.jobs) {
+            self.refuse(job.into_asked(), &ending());
+        }
+        self.wait_for_kept();
+        for Pending { asked, .. } in std::mem::take(&mut self.pending) {
+            self.refuse(asked, &ending());
+        }
+    }
+
+    /// Takes a step whose panic costs the request that it was about, which is never answered, and nothing
+    /// else: no step takes more than that one out of `self`.
+    fn guarded(&mut self, step: impl FnOnce(&mut Self)) {
         // What was carried out changes in steps that do not fail, and the plan is made anew from it.
-        let round = catch_unwind(AssertUnwindSafe(|| self.round(over)));
-        round.unwrap_or_else(|_| {
+        if catch_unwind(AssertUnwindSafe(|| step(self))).is_err() {
+            self.panicked = true;
             self.shared.board.admin_panics.fetch_add(1, Ordering::Relaxed);
             tracing::error!(
                 "the thread that answers operators panicked: the request is lost, and it goes on"
             );
             self.plan_anew();
-            std::thread::sleep(REST);
-            false
-        })
+        }
     }
 
     /// Answers what has come back from the loop, looks at what is asked, and goes on with what takes long;
     /// whether more of that waits. A stop waits for one round at most.
     pub(in crate::runtime) fn round(&mut self, over: bool) -> bool {
-        self.settle();
-        self.answer_kept();
-        self.serve(over);
-        self.work()
-    }
-
-    /// Answers what has come back from the loop.
-    fn settle(&mut self) {
-        while let Some(batch) = self.shared.desk.done.pop() {
-            let Some(at) = self.under_way.iter().position(|one| one.key == batch.key) else { continue };
-            self.under_way.remove(at);
-            if let Some(shelf) = &self.shared.desk.shelf {
-                batch.routes.iter().for_each(|(place, _)| shelf.sweep(*place));
-            }
-            if let Outcome::Done { .. } = batch.outcome {
-                batch.changes.iter().for_each(|change| self.carried_out.apply(change));
-                self.version += u64::from(!is_hold(&batch.changes));
-                self.keep(&batch.changes);
-            } else {
-                let refused = matches!(batch.outcome, Outcome::Expired | Outcome::TooClose { .. });
-                self.refusals_known += u64::from(refused);
-                self.plan_anew();
-            }
-            let (mine, others) = std::mem::take(&mut self.pending)
-                .into_iter()
-                .partition(|pending: &Pending| pending.key == batch.key);
-            self.pending = others;
-            for Pending { asked, .. } in mine {
-                // It was with a stop that expired before it does.
-                if batch.outcome == Outcome::Expired
-                    && is_stop(&batch.changes)
-                    && self.clock.now_ns() < asked.header().expires_ns
-                {
-                    self.accept(asked, AdminKind::Stop);
-                } else {
-                    self.tell(asked, &batch);
-                }
-            }
-        }
-    }
-
-    /// What was carried out, and what will be. The loop does not carry out what was checked before it
-    /// refused something.
-    fn plan_anew(&mut self) {
-        self.plan = self.carried_out.clone();
-        for one in &self.under_way {
-            if one.refusals_known == self.refusals_known || is_hold(&one.changes) {
-                one.changes.iter().for_each(|change| self.plan.apply(change));
-            }
-        }
-    }
-
-    fn tell(&mut self, asked: Asked, batch: &Batch) {
-        let refusal = match batch.outcome {
-            Outcome::Done { tick } => {
-                log_change(asked.header().kind, tick, &batch.changes);
-                return self.done_once_kept(asked, tick + 1);
-            }
-            Outcome::Expired => expired(),
-            Outcome::Waiting | Outcome::Outdated => outdated(),
-            Outcome::TooClose { id } => {
-                let text = format!("it would stand too close to robot {id}, or in its way of this period");
-                Refusal::of(id, AdminCode::TooClose, text)
-            }
-        };
-        self.refuse(asked, &refusal);
-    }
-
-    fn serve(&mut self, over: bool) {
+        self.guarded(Self::settle);
+        self.guarded(Self::answer_kept);
+        self.guarded(Self::take_in);
         let mut queries = 0;
-        let next = || self.server.next().ok().flatten();
-        let round = std::iter::from_fn(next).take(REQUESTS_A_ROUND);
+        while let Some(asked) = self.inbox.pop_front() {
+            self.guarded(|admin| admin.look_at(asked, over, &mut queries));
+        }
+        self.guarded(Self::work);
+        !self.jobs.is_empty()
+    }
+
+    /// Takes in what is looked at in this round.
+    fn take_in(&mut self) {
+        while self.inbox.len() < REQUESTS_A_ROUND
+            && let Ok(Some(asked)) = self.server.next()
+        {
+            self.inbox.push_back(asked);
+        }
         // What holds the fleet or lets it go does not wait for long work, and keeps its order.
-        let (holds, others): (Vec<_>, Vec<_>) = round.partition(is_about_hold);
-        for asked in holds.into_iter().chain(others) {
-            if over {
-                self.refuse(asked, &ending());
-                continue;
-            }
-            let kind = match self.check(&asked) {
-                Ok(kind) => kind,
-                Err(refusal) => {
-                    self.refuse(asked, &refusal);
-                    continue;
-                }
-            };
-            #[cfg(test)]
-            assert_ne!(self.fault, Some(kind), "a fault, injected");
-            match kind {
-                _ if kind.is_question() => {
-                    queries += 1;
-                    if queries > QUERIES_A_ROUND {
-                        self.refuse(asked, &busy("too many questions at a time"));
-                    } else {
-                        self.inform(asked, kind);
-                    }
-                }
-                _ => self.accept(asked, kind),
-            }
+        self.inbox.make_contiguous().sort_by_key(|asked| !is_about_hold(asked));
+    }
+
+    fn look_at(&mut self, asked: Asked, over: bool, queries: &mut usize) {
+        if over {
+            return self.refuse(asked, &ending());
+        }
+        let kind = match self.check(&asked) {
+            Ok(kind) => kind,
+            Err(refusal) => return self.refuse(asked, &refusal),
+        };
+        #[cfg(test)]
+        self.fail_at(Fault::Asked(kind));
+        if !kind.is_question() {
+            return self.accept(asked, kind);
+        }
+        *queries += 1;
+        if *queries > QUERIES_A_ROUND {
+            self.refuse(asked, &busy("too many questions at a time"));
+        } else {
+            self.inform(asked, kind);
         }
     }
 
-    /// Goes on with what takes long; whether more of it waits.
-    fn work(&mut self) -> bool {
+    #[cfg(test)]
+    pub(super) fn fail_at(&self, fault: Fault) {
+        assert_ne!(self.fault, Some(fault), "a fault, injected");
+    }
+
+    /// Goes on with what takes long.
+    fn work(&mut self) {
         let mut looks = LOOKS_A_ROUND;
         while looks > 0 {
-            let Some(job) = self.jobs.pop_front() else { return false };
+            let Some(job) = self.jobs.pop_front() else { return };
             looks -= 1;
             if self.clock.now_ns() >= job.asked().header().expires_ns {
                 self.refuse(job.into_asked(), &expired());
@@ -245,7 +220,6 @@ impl<C: Clock> Admin<C> {
                 Job::Text(text) => self.write(text, &mut looks),
             }
         }
-        !self.jobs.is_empty()
     }
 
     fn go_on(&mut self, mut order: Order, looks: &mut usize) {
@@ -288,7 +262,12 @@ impl<C: Clock> Admin<C> {
 
     /// Takes on a request that changes something: what holds the fleet or lets it go at once, anything else
     /// after what came before it.
-    fn accept(&mut self, asked: Asked, kind: AdminKind) {
+    pub(super) fn accept(&mut self, asked: Asked, kind: AdminKind) {
+        // Before it waits, and before anything is copied: a client asks with as many records as it likes.
+        if let Err(refusal) = self.plan.check_number(kind, asked.len()) {
+            self.refuse(asked, &refusal);
+            return;
+        }
         if kind == AdminKind::Stop {
             if let Some(key) = stop_in_force(&self.under_way) {
                 self.pending.push(Pending { key, asked });
@@ -299,7 +278,7 @@ impl<C: Clock> Admin<C> {
             return;
         }
         if is_about_hold(&asked) {
-            match self.plan.changes(kind, &asked.robots()) {
+            match self.plan.changes(kind, &[]) {
                 Ok(changes) => self.pass_on((asked, changes, Vec::new(), self.refusals_known)),
                 Err(refusal) => self.refuse(asked, &refusal),
             }
@@ -444,14 +423,5 @@ fn is_about_hold(asked: &Asked) -> bool {
 fn send(asked: Asked, header: &crate::wire::AdminAnswer, text: &[u8]) {
     if let Err(e) = asked.answer(header, text) {
         tracing::debug!("an operator's answer is lost: {e}");
-    }
-}
-
-fn log_change(kind: u32, tick: u64, changes: &[Change]) {
-    let kind = AdminKind::from_code(kind).map_or("unknown", AdminKind::name);
-    match changes {
-        [Change::Goal { .. }, ..] => tracing::debug!(tick, robots = changes.len(), "{kind}"),
-        [Change::Add { robot, .. }] => tracing::info!(tick, robot = robot.id.0, "{kind}"),
-        _ => tracing::info!(tick, "{kind}"),
     }
 }
