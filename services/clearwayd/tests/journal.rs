@@ -71,7 +71,9 @@ fn goals_and_a_latched_stop_outlive_a_kill_and_an_orderly_end() {
     assert_eq!((goal_of(&mut admin, 0), goal_of(&mut admin, 1)), ((-6.5, 3.25), (-6.5, -3.25)));
     let mut states = client.states().unwrap();
     let sample = until(|| states.next().unwrap());
-    assert!(sample.robots().iter().filter(|robot| robot.id != u32::MAX).all(|robot| robot.is_held()));
+    assert!(
+        sample.robots().iter().filter(|robot| robot.id != u32::MAX).all(clearway::wire::RobotState::is_held)
+    );
     drop((sample, states));
     admin.clear().unwrap();
     second.signal(Signal::TERM);
