@@ -84,6 +84,21 @@ pub enum ChannelError {
         free_bytes: u64,
     },
 
+    /// What was left in shared memory cannot be used, and cannot be told to be nobody's.
+    #[error(
+        "the channels that were left cannot be used, and who lives may use files of {prefix:?} in {SHARED_MEMORY}"
+    )]
+    #[diagnostic(help(
+        "end who is attached; when nobody is, remove the files of {prefix:?} in {SHARED_MEMORY}, {root}/nodes and \
+         {root}/services; or set channel.prefix to one that nobody else uses"
+    ))]
+    Damaged {
+        /// How names in shared memory begin.
+        prefix: String,
+        /// The management directory.
+        root: String,
+    },
+
     /// Shared memory could not be taken ahead.
     #[error("shared memory could not be taken ahead: {reason}")]
     #[diagnostic(help(

@@ -38,6 +38,7 @@ mod attachment;
 mod error;
 pub(crate) mod memory;
 mod node;
+mod owned;
 mod reader;
 mod record;
 mod remains;

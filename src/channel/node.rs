@@ -18,6 +18,7 @@ use rustix::io::Errno;
 
 use super::admin::{self, AdminPort, AdminServer};
 use super::memory::Memory;
+use super::owned::Owned;
 use super::{Attachment, Channel, ChannelError, Owner, Reader, Record, Writer, remains, room};
 use crate::config::{ChannelConfig, is_fleet_name};
 use crate::wire::{
@@ -131,25 +132,41 @@ impl Transport {
 
     /// Looks whether the channels can be used as they are. Where they cannot, because shared memory was
     /// damaged or is of another version, and nobody lives who uses them, removes all of them: they are made
-    /// anew. Returns how many files it removed. For the daemon, before it starts.
-    pub fn mend(&self) -> usize {
+    /// anew. Files of others with the same prefix stay. Returns how many it removed. For the daemon, before it
+    /// starts.
+    ///
+    /// # Errors
+    /// [`ChannelError::Damaged`] when what keeps them from being used may be somebody's who lives.
+    pub fn mend(&self) -> Result<usize, ChannelError> {
+        let mut owned = Owned::listed(&self.iceoryx);
+        let lives = || self.census().map_or(true, |census| census.alive + census.unclear > 0);
+        let (mut hangs, mut refused) = (false, false);
         for _ in 0..LOOKS {
+            owned.look();
             // iceoryx2 waits for ever for a file to be filled whose maker is gone.
-            if room::has_empty(&self.settings.prefix) {
-                let removed = remains::remove_all(&self.iceoryx);
-                if removed > 0 {
-                    return removed;
-                }
+            hangs = owned.has_empty();
+            let joined = (!hangs).then(|| self.join("clearwayd-look", &self.iceoryx));
+            let full = matches!(joined, Some(Err(ChannelError::NoRoom { .. })));
+            refused = matches!(joined, Some(Err(_)));
+            if joined.is_some_and(|node| node.is_ok_and(|node| node.is_sound())) {
+                return Ok(0);
             }
-            let sound = self.join("clearwayd-look", &self.iceoryx).is_ok_and(|node| node.is_sound());
-            let removed = if sound { 0 } else { remains::remove_all(&self.iceoryx) };
-            if sound || removed > 0 {
-                return removed;
+            let removed = remains::remove_all(&self.iceoryx, &owned, lives);
+            // Whether that is enough is asked for later.
+            if removed > 0 || full {
+                return Ok(removed);
             }
             // Whoever waits for a daemon is there for a moment, again and again.
             std::thread::sleep(LOOK_EVERY);
         }
-        0
+        // Who cannot join, or opens the channels of somebody who lives, is told why.
+        if refused || !hangs && self.census().is_ok_and(|census| census.alive > 0) {
+            return Ok(0);
+        }
+        Err(ChannelError::Damaged {
+            prefix: self.settings.prefix.clone(),
+            root: self.settings.root.to_string_lossy().into_owned(),
+        })
     }
 
     /// Gives every file of these channels the memory that it promises, whatever else fills up later.
@@ -168,7 +185,7 @@ impl Transport {
 
     /// The same; `full` is the error when there is not enough, of what is free in bytes.
     fn reserve_or(&self, full: impl FnOnce(u64) -> ChannelError) -> Result<(), ChannelError> {
-        room::reserve(&self.settings.prefix).map_err(|e| match e {
+        room::reserve(&Owned::listed(&self.iceoryx).found().ours).map_err(|e| match e {
             Errno::NOSPC => full(room::free_bytes().unwrap_or(0)),
             other => ChannelError::NotReserved { reason: other.to_string() },
         })

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use iceoryx2::prelude::Config;
 
-use super::room::SHARED_MEMORY;
+use super::owned::{Owned, entries, file_name, tail};
 
 /// Files that iceoryx2 is still writing; it never shows them to anybody. What they would announce is
 /// made after them, so it does not exist yet.
@@ -74,25 +74,23 @@ fn remove_node(iceoryx: &Config, node: u128, path: &Path) -> bool {
     fs::remove_dir(path).is_ok()
 }
 
-/// Removes every file of our prefix, unless a process lives that made one of them. Returns how many; none
-/// when somebody lives.
-pub(super) fn remove_all(iceoryx: &Config) -> usize {
-    let prefix = iceoryx.global.prefix.to_string();
+/// Removes every file of ours: below the root, and in shared memory what `owned` knows. Nothing when a process
+/// lives that made one of them, or somebody `lives` who is listed. Returns how many.
+pub(super) fn remove_all(iceoryx: &Config, owned: &Owned, lives: impl Fn() -> bool) -> usize {
     let nodes = folder(iceoryx);
-    let listed = |folder: &Path| -> Vec<PathBuf> {
-        fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
-    };
-    let name =
-        |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let ours = |path: &PathBuf| name(path).starts_with(&prefix);
+    let ours = |path: &PathBuf| tail(iceoryx, &file_name(path)).is_some();
     // In this order: what somebody makes who joins from now on is not in these lists.
     let services = PathBuf::from(iceoryx.global.service_dir().to_string());
     let mut files: Vec<PathBuf> =
-        [Path::new(SHARED_MEMORY), &services, &nodes].into_iter().flat_map(listed).filter(ours).collect();
+        [&services, &nodes].into_iter().flat_map(|at| entries(at)).filter(ours).collect();
+    let found = owned.found();
+    files.extend(found.ours);
+    // Somebody else may be using it.
+    files.extend(found.common.into_iter().filter(|_| found.others == 0));
     let mut folders = Vec::new();
-    for node in listed(&nodes) {
-        let inside = listed(&node);
-        let Ok(id) = name(&node).parse::<u128>() else { continue };
+    for node in entries(&nodes) {
+        let inside = entries(&node);
+        let Ok(id) = file_name(&node).parse::<u128>() else { continue };
         if !inside.is_empty() && !inside.iter().any(ours) {
             continue;
         }
@@ -101,6 +99,10 @@ pub(super) fn remove_all(iceoryx: &Config) -> usize {
         }
         files.extend(inside.into_iter().filter(ours));
         folders.push(node);
+    }
+    // Processes cannot be seen from every container; the locks of those who are listed can.
+    if lives() {
+        return 0;
     }
     let removed = files.iter().filter(|file| fs::remove_file(file).is_ok()).count();
     // One that still holds anything stays.
@@ -125,6 +127,7 @@ fn is_alive(node: u128) -> bool {
 mod tests {
     use super::*;
     use crate::channel::Transport;
+    use crate::channel::room::SHARED_MEMORY;
     use crate::config::ChannelConfig;
 
     fn transport(name: &str) -> (ChannelConfig, Transport) {
@@ -204,10 +207,24 @@ mod tests {
         fs::create_dir_all(nodes.join(dead.to_string())).unwrap();
         let ours = nodes.join(dead.to_string()).join(format!("{}node.details", settings.prefix));
         write(&ours, 0o600, false);
-        let shared = Path::new(SHARED_MEMORY).join(format!("{}left.data", settings.prefix));
-        write(&shared, 0o600, false);
-        assert_eq!(remove_all(&transport.iceoryx), 0);
-        assert!(ours.exists() && shared.exists());
+        let port = id(u32::MAX, 3);
+        let tag = format!("{}{port}.port_tag", settings.prefix);
+        write(&nodes.join(dead.to_string()).join(tag), 0o400, false);
+        let shared = |prefix: &str, port: u128| {
+            let path = Path::new(SHARED_MEMORY).join(format!("{prefix}{}_{port}.data", "0a".repeat(20)));
+            write(&path, 0o600, false);
+            path
+        };
+        // Of the dead node, of somebody with another root, and of another prefix.
+        let left = shared(&settings.prefix, port);
+        let strangers =
+            [shared(&settings.prefix, id(u32::MAX, 4)), shared(&format!("{}b_", settings.prefix), port)];
+        let removed = |lives: bool| {
+            let owned = Owned::listed(&transport.iceoryx);
+            remove_all(&transport.iceoryx, &owned, || lives)
+        };
+        assert_eq!(removed(false), 0);
+        assert!(ours.exists() && left.exists());
 
         // The same files as if another process had made them, which is no more.
         let alive = fs::read_dir(&nodes)
@@ -217,10 +234,18 @@ mod tests {
         let foreign = settings.root.join("foreign");
         write(&foreign, 0o600, false);
         fs::rename(alive.unwrap().path(), nodes.join(id(u32::MAX, 2).to_string())).unwrap();
-        assert!(remove_all(&transport.iceoryx) > 5);
-        assert!(!ours.exists() && !shared.exists() && foreign.exists());
+        // As far as this process can see; a lock says otherwise.
+        assert_eq!(removed(true), 0);
+        assert!(ours.exists() && left.exists());
+        let common = || Owned::listed(&transport.iceoryx).found().common;
+        assert!(removed(false) > 5);
+        assert!(!ours.exists() && !left.exists() && foreign.exists());
         assert_eq!(fs::read_dir(&nodes).unwrap().count(), 0);
-        assert_eq!(remove_all(&transport.iceoryx), 0);
+        assert!(strangers.iter().all(|path| path.exists()) && common().len() == 1);
+        assert_eq!(removed(false), 0);
+        // What is common to a prefix goes when nobody else uses the prefix.
+        strangers.iter().for_each(|path| fs::remove_file(path).unwrap());
+        assert_eq!((removed(false), common().len()), (1, 0));
         std::mem::forget((states, node));
         fs::remove_dir_all(&settings.root).unwrap();
     }

@@ -1,6 +1,5 @@
 //! Shared memory as a file system that can fill up.
 
-use std::fs::DirEntry;
 use std::path::PathBuf;
 
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open, statvfs};
@@ -14,14 +13,14 @@ pub(super) fn free_bytes() -> Option<u64> {
     statvfs(SHARED_MEMORY).ok().map(|shared| shared.f_bavail.saturating_mul(shared.f_frsize))
 }
 
-/// Takes the memory of every file whose name begins with `prefix`, down to its last page. Those that have
-/// just gone or cannot be written, which are another user's, are left as they are.
+/// Takes the memory of `files`, down to their last pages. Those that have just gone or cannot be written, which
+/// are another user's, are left as they are.
 ///
 /// # Errors
 /// [`Errno::NOSPC`] when there is less than what they promise, and whatever else keeps it from being taken.
-pub(super) fn reserve(prefix: &str) -> Result<(), Errno> {
-    for path in files(prefix) {
-        let file = match retry_on_intr(|| open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty())) {
+pub(super) fn reserve(files: &[PathBuf]) -> Result<(), Errno> {
+    for path in files {
+        let file = match retry_on_intr(|| open(path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty())) {
             Ok(file) => file,
             Err(Errno::NOENT | Errno::ACCESS | Errno::PERM) => continue,
             Err(e) => return Err(e),
@@ -42,34 +41,20 @@ fn taken(result: Result<(), Errno>) -> Result<(), Errno> {
     }
 }
 
-/// Whether a file whose name begins with `prefix` has no length: it is being made, or was truncated.
-pub(super) fn has_empty(prefix: &str) -> bool {
-    files(prefix).any(|path| path.metadata().is_ok_and(|found| found.is_file() && found.len() == 0))
-}
-
-fn files(prefix: &str) -> impl Iterator<Item = PathBuf> {
-    let entries = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-    let ours = move |entry: &DirEntry| entry.file_name().to_string_lossy().starts_with(prefix);
-    entries.filter(ours).map(|entry| entry.path())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_file_has_its_memory_before_anybody_uses_it() {
-        let prefix = format!("cw_room_{}_", std::process::id());
-        let path = format!("{SHARED_MEMORY}/{prefix}file");
+        let path = PathBuf::from(format!("{SHARED_MEMORY}/cw_room_{}_file", std::process::id()));
         let file = std::fs::File::create(&path).unwrap();
-        assert!(has_empty(&prefix) && !has_empty(&format!("{prefix}other")));
         file.set_len(1 << 20).unwrap();
-        assert!(!has_empty(&prefix));
         let kib = || fstat(&file).unwrap().st_blocks / 2;
         assert_eq!(kib(), 0);
-        reserve(&format!("{prefix}other")).unwrap();
+        reserve(&[path.with_extension("gone")]).unwrap();
         assert_eq!(kib(), 0);
-        reserve(&prefix).unwrap();
+        reserve(&[path.clone()]).unwrap();
         assert_eq!((kib(), file.metadata().unwrap().len()), (1024, 1 << 20));
         std::fs::remove_file(path).unwrap();
         assert!(free_bytes() > Some(0));

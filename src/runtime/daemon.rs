@@ -205,7 +205,7 @@ impl Daemon {
         ids.resize(places, NO_ROBOT);
         let board = Arc::new(Board::new(ids, placement.worker_cpus.len(), config.realtime.wakeup));
         let transport = Transport::new(&config.fleet, &config.channel)?;
-        let removed = transport.mend();
+        let removed = transport.mend()?;
         if removed > 0 {
             tracing::warn!(removed, "the channels could not be used as they were left and are made anew");
         }
