@@ -331,7 +331,7 @@ impl<C: Clock> Admin<C> {
             match self.texts.go_on(asked.client(), kind, self.clock.now_ns()) {
                 Some(text) => self.tell_text(asked, kind, &text),
                 None => {
-                    self.refuse(asked, &busy("this text is not kept any more: read it from its beginning"))
+                    self.refuse(asked, &busy("this text is not kept any more: read it from its beginning"));
                 }
             }
             return;
