@@ -11,6 +11,7 @@
 //! allocates only when it is made.
 
 mod rejection;
+mod sequence;
 mod track;
 
 pub use rejection::{Rejection, Rejections};
@@ -20,13 +21,11 @@ use crate::geometry::Pose;
 use crate::model::{Disturbance, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{ObservationHeader, RobotObservation};
+use sequence::{Numbered, Sequence, Taken};
 use track::{Bounds, Track};
 
 /// Writers whose sequence is remembered; a new one takes the place of the one silent the longest.
 const WRITERS: usize = 64;
-
-/// Samples in a row that a writer may lose: an hour at 1 kHz, rounded down.
-const GAP_MAX: u64 = 3_000_000;
 
 /// The gate between observations and the fleet's state.
 #[derive(Debug)]
@@ -34,20 +33,12 @@ pub struct Admission {
     /// Ids in ascending order, each with its place. With room for every place.
     ids: Vec<(u32, usize)>,
     tracks: Vec<Track>,
-    writers: Vec<Writer>,
+    writers: Vec<Sequence>,
     arena_m: f64,
     max_age_ns: u64,
     /// Of robots that take commands.
     bounds: Bounds,
     rejections: Rejections,
-}
-
-/// What is known of one writer.
-#[derive(Debug, Clone, Copy)]
-struct Writer {
-    id: u128,
-    sequence: u64,
-    heard_ns: u64,
 }
 
 impl Admission {
@@ -157,27 +148,22 @@ impl Admission {
         if now_ns - header.stamp_ns > self.max_age_ns {
             return Err(Rejection::Stale);
         }
-        self.check_sequence(writer, header.sequence, now_ns)
+        let next = Numbered { sequence: header.sequence, stamp_ns: header.stamp_ns };
+        self.check_sequence(writer, next, now_ns)
     }
 
-    /// The sequence of a writer only rises, and wraps. A small gap loses samples that a newer one
-    /// replaces: counted, not refused. A large one is a corrupted number: believing it would refuse
-    /// everything that the writer says from then on.
-    fn check_sequence(&mut self, writer: u128, sequence: u64, now_ns: u64) -> Result<(), Rejection> {
-        if let Some(known) = self.writers.iter_mut().find(|known| known.id == writer) {
-            match sequence.wrapping_sub(known.sequence) {
-                0 => return Err(Rejection::Repeated),
-                ahead @ 1..=GAP_MAX => self.rejections.skipped_samples += ahead - 1,
-                ahead if ahead > u64::MAX / 2 => return Err(Rejection::Reordered),
-                _ => return Err(Rejection::Gap),
+    fn check_sequence(&mut self, writer: u128, next: Numbered, now_ns: u64) -> Result<(), Rejection> {
+        if let Some(known) = self.writers.iter_mut().find(|known| known.writer() == writer) {
+            match known.take(next, now_ns)? {
+                Taken::After(lost) => self.rejections.skipped_samples += lost,
+                Taken::Resynchronised => self.rejections.resynchronised_writers += 1,
             }
-            (known.sequence, known.heard_ns) = (sequence, now_ns);
             return Ok(());
         }
-        let entry = Writer { id: writer, sequence, heard_ns: now_ns };
+        let entry = Sequence::new(writer, next, now_ns);
         if self.writers.len() < WRITERS {
             self.writers.push(entry);
-        } else if let Some(oldest) = self.writers.iter_mut().min_by_key(|known| known.heard_ns) {
+        } else if let Some(oldest) = self.writers.iter_mut().min_by_key(|known| known.heard_ns()) {
             *oldest = entry;
         }
         Ok(())

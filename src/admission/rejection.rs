@@ -80,6 +80,8 @@ pub struct Rejections {
     counts: [u64; Rejection::ALL.len()],
     /// Samples that a writer numbered and that never arrived: not refused, only missed.
     pub skipped_samples: u64,
+    /// Times that the numbers of a writer had been wrong when it was first heard, and were followed anew.
+    pub resynchronised_writers: u64,
     /// Times that a robot's pose stopped changing although it was told to drive and its samples went
     /// on: not refused, but a reason to look at the robot and its localisation.
     pub frozen_robots: u64,
@@ -113,6 +115,7 @@ impl Serialize for Rejections {
             map.serialize_entry(reason.name(), &count)?;
         }
         map.serialize_entry("skipped_samples", &self.skipped_samples)?;
+        map.serialize_entry("resynchronised_writers", &self.resynchronised_writers)?;
         map.serialize_entry("frozen_robots", &self.frozen_robots)?;
         map.end()
     }

@@ -1,3 +1,4 @@
+use super::sequence::{FOLLOW_SAMPLES, GAP_MAX};
 use super::*;
 use crate::geometry::Vec2;
 use crate::model::{Limits, RobotId, RobotSpec};
@@ -125,6 +126,54 @@ fn a_sequence_wraps_and_a_corrupted_number_locks_nobody_out() {
     a.sample(A, &header(2, 6 * T), &[at(3, 3.0)], EPOCH, 6 * T);
     assert_eq!((a.rejections().get(Rejection::Gap), a.rejections().total()), (1, 1));
     assert_eq!(a.pose(0, 6 * T).map(|(_, stamp)| stamp), Some(6 * T));
+}
+
+/// A first number that was wrong, and the right ones behind or far ahead of it.
+#[test]
+fn a_wrong_first_number_is_given_up_once_enough_others_follow_each_other() {
+    for (first, reason) in [(1 << 40, Rejection::Reordered), (u64::MAX / 4 * 3, Rejection::Gap)] {
+        let mut a = admission();
+        a.sample(A, &header(first, T), &[at(3, 3.0)], EPOCH, T);
+        // One of them is lost on the way.
+        let numbers = [2, 3, 5, 6, 7, 8];
+        for (n, sequence) in numbers.into_iter().enumerate() {
+            let now = (n as u64 + 2) * T;
+            a.sample(A, &header(sequence, now), &[at(3, 3.0)], EPOCH, now);
+            let followed = n + 1 >= FOLLOW_SAMPLES as usize;
+            assert_eq!(a.rejections().resynchronised_writers, u64::from(followed), "{n}");
+            assert_eq!(a.last_good(0).map(|good| good.1), Some(if followed { now } else { T }), "{n}");
+        }
+        let refused = u64::from(FOLLOW_SAMPLES) - 1;
+        assert_eq!((a.rejections().get(reason), a.rejections().total()), (refused, refused));
+        // The wrong ones do not come back either.
+        a.sample(A, &header(first + 1, 8 * T), &[at(3, 3.0)], EPOCH, 8 * T);
+        assert_eq!(a.rejections().total(), refused + 1);
+    }
+}
+
+#[test]
+fn old_samples_are_never_followed_however_many_they_are() {
+    // As they were sent: of a time before the newest that was taken.
+    let mut a = admission();
+    offer(&mut a, 100, at(3, 3.0));
+    for n in 0..50 {
+        a.sample(A, &header(n, 99 * T + n), &[at(3, 3.0)], EPOCH, 100 * T);
+    }
+    // The same one again and again, numbers in no order, and times that do not rise.
+    for n in 0..50 {
+        a.sample(A, &header(5, 100 * T + 1 + n), &[at(3, 3.0)], EPOCH, 101 * T);
+        a.sample(A, &header(60 - n, 101 * T), &[at(3, 3.0)], EPOCH, 101 * T);
+    }
+    // Four that follow each other are not enough, nor is one more after a sample in order.
+    for n in 1..FOLLOW_SAMPLES {
+        let n = u64::from(n);
+        a.sample(A, &header(10 + n, 101 * T + n), &[at(3, 3.0)], EPOCH, 102 * T);
+    }
+    a.sample(A, &header(101, 102 * T), &[at(3, 3.0)], EPOCH, 102 * T);
+    assert_eq!(a.last_good(0).map(|good| good.1), Some(102 * T));
+    a.sample(A, &header(15, 103 * T), &[at(3, 3.0)], EPOCH, 103 * T);
+    assert_eq!((a.rejections().resynchronised_writers, a.rejections().get(Rejection::Gap)), (0, 0));
+    assert_eq!(a.last_good(0).map(|good| good.1), Some(102 * T));
 }
 
 #[test]
@@ -306,7 +355,7 @@ fn every_reason_has_its_own_name_and_count() {
     assert_eq!(a.rejections().total(), counts.iter().sum::<u64>());
     let json = serde_json::to_value(a.rejections()).unwrap();
     let object = json.as_object().unwrap();
-    assert_eq!(object.len(), Rejection::ALL.len() + 2);
+    assert_eq!(object.len(), Rejection::ALL.len() + 3);
     for (reason, count) in a.rejections().iter() {
         assert_eq!(object[reason.name()], count, "{reason:?}");
     }

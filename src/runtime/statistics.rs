@@ -47,6 +47,7 @@ struct Logged {
     fallbacks: u64,
     rejected: u64,
     frozen: u64,
+    resynchronised: u64,
     lost: u64,
     discarded: u64,
     failures: u64,
@@ -159,6 +160,7 @@ impl Statistics {
             fallbacks: self.fallback_commands,
             rejected: self.rejections.total(),
             frozen: self.rejections.frozen_robots,
+            resynchronised: self.rejections.resynchronised_writers,
             lost: self.lost_records,
             discarded,
             failures: self.send_failures,
@@ -177,6 +179,8 @@ impl Statistics {
         line(now.fallbacks, before.fallbacks, "stops sent in place of verified commands");
         line(now.rejected, before.rejected, "observations refused");
         line(now.frozen, before.frozen, "robots whose pose does not change although they are told to drive");
+        let followed = "observation writers whose first number had been wrong: followed anew";
+        line(now.resynchronised, before.resynchronised, followed);
         line(now.lost, before.lost, "telemetry records lost: the housekeeping thread is too slow");
         line(now.discarded, before.discarded, "telemetry samples discarded: a reader is too slow");
         line(now.failures, before.failures, "samples that could not be loaned or sent to every reader");

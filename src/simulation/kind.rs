@@ -228,8 +228,9 @@ kinds! {
     };
     /// The sequence number is far ahead.
     ObsGap => Promise {
-        counters: &[Rejected(Rejection::Gap), Skipped, Rejected(Rejection::Reordered)], stops: UNSEEN, lasts: (1, 3), recovery: 2, says: REFUSED,
-        ..one("obs-gap", Scope::Driver, "refused; the writer's next number is believed again")
+        counters: &[Rejected(Rejection::Gap), Skipped, Rejected(Rejection::Reordered), Counter::Resynchronised],
+        stops: UNSEEN, lasts: (1, 3), recovery: READMITTED, says: REFUSED,
+        ..one("obs-gap", Scope::Driver, "refused; where it is the first of its writer, given up after five others")
     };
     /// The sample follows another run of the daemon.
     ObsOldEpoch => Promise {

@@ -14,6 +14,8 @@ pub(crate) enum Counter {
     Rejected(Rejection),
     /// Samples that a writer numbered and that never came.
     Skipped,
+    /// Writers whose first number had been wrong.
+    Resynchronised,
     /// Robots whose pose froze.
     Frozen,
     SkippedPeriods,
@@ -42,6 +44,7 @@ impl fmt::Display for Counter {
         match self {
             Self::Rejected(reason) => write!(f, "rejected_inputs.{}", reason.name()),
             Self::Skipped => f.write_str("rejected_inputs.skipped_samples"),
+            Self::Resynchronised => f.write_str("rejected_inputs.resynchronised_writers"),
             Self::Frozen => f.write_str("rejected_inputs.frozen_robots"),
             Self::SkippedPeriods => f.write_str("skipped_periods"),
             Self::Misses => f.write_str("deadline_misses"),
@@ -97,6 +100,7 @@ impl Tally {
         all.extend(counts.rejections.iter().map(|(reason, n)| (Counter::Rejected(reason), n)));
         all.extend([
             (Counter::Skipped, counts.rejections.skipped_samples),
+            (Counter::Resynchronised, counts.rejections.resynchronised_writers),
             (Counter::Frozen, counts.rejections.frozen_robots),
             (Counter::SkippedPeriods, counts.skipped_periods),
             (Counter::Misses, counts.deadline_misses),
