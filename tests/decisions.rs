@@ -3,7 +3,8 @@
 use clearway::config::Config;
 use clearway::controller::{RobotGroup, Timing};
 use clearway::evaluation::initial_fleet;
-use clearway::model::Command;
+use clearway::geometry::Vec2;
+use clearway::model::{Command, Obstacle};
 use clearway::programme::{Programme, Solution};
 use clearway::scenario::Scenario;
 use clearway::solver::{ExactSolver, Outcome, Solver};
@@ -163,4 +164,50 @@ fn active_rows_are_those_with_a_multiplier() {
         fleet = next;
     }
     assert!(told_apart, "as many are active as are not");
+}
+
+/// A robot between four walls, with its goal outside of them: no command decreases its certificate by what
+/// is asked for.
+#[test]
+fn a_certificate_that_cannot_be_met_tells_its_slack() {
+    let box_of = |half_m: f64| {
+        let mut config = config();
+        config.scenario.robots.truncate(1);
+        let at = config.scenario.robots[0].start.position_m;
+        let corner = |x: f64, y: f64| at + Vec2::new(half_m * x, half_m * y);
+        let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        config.scenario.obstacles =
+            (0..4).map(|i| Obstacle::Segment { from_m: corners[i], to_m: corners[(i + 1) % 4] }).collect();
+        let mut fleet = initial_fleet(&config);
+        let mut group = RobotGroup::new(&config, 0..1).unwrap();
+        let mut told = Vec::new();
+        for _ in 0..60 {
+            let mut next = fleet.clone();
+            group.solve_watched(&fleet, Timing::LogicalExecutionTime, |index, decision, programme| {
+                assert_eq!(decision.command.stop_reason, 0, "{decision:?}");
+                next[index].set_command(decision.command.command());
+                next[index].intent = decision.intent;
+                // What the certificate falls short of, by the programme alone.
+                let c = &programme.position;
+                let v = decision.command.v_mps;
+                let short = (c.linear * v + 0.5 * c.curvature * v * v + c.decrease).max(0.0);
+                told.push((decision.telemetry.slack_position_m2, short, c.decrease));
+            });
+            for robot in &mut next {
+                let end = robot.arc().pose(config.timing.period_s());
+                robot.set_pose(end);
+            }
+            fleet = next;
+        }
+        told
+    };
+    // Walls that it can only touch: in the end all of the decrease that is asked for is missing.
+    let inside = box_of(0.4);
+    for (slack_m2, short_m2, decrease_m2) in &inside[30..] {
+        assert!(*decrease_m2 > 0.1, "{decrease_m2}");
+        assert!((slack_m2 - short_m2).abs() <= 1e-9 * decrease_m2, "{slack_m2} for {short_m2}");
+        assert!(*slack_m2 >= 0.99 * decrease_m2, "{slack_m2} of {decrease_m2}");
+    }
+    // Walls that are far away take nothing.
+    assert!(box_of(100.0)[10..20].iter().all(|(slack_m2, ..)| *slack_m2 < 1e-9));
 }

@@ -184,6 +184,67 @@ fn solvers_agree_when_the_data_are_scaled() {
     }
 }
 
+/// `programme` with each of its parts in units of its own, up to 1e±12: the minimiser does not move.
+fn rescaled_apart(p: &Programme, draw: &mut Draw) -> Programme {
+    let mut factor = || {
+        let exponent = draw.between(-12.0, 12.0);
+        10f64.powf(if draw.chance(0.3) { 12f64.copysign(exponent) } else { exponent })
+    };
+    let scale = |c: Certificate, factor: f64| Certificate {
+        linear: c.linear * factor,
+        curvature: c.curvature * factor,
+        decrease: c.decrease * factor,
+    };
+    let mut q = p.clone();
+    let [position, heading, comfort] = [(); 3].map(|()| factor());
+    (q.position, q.heading) = (scale(p.position, position), scale(p.heading, heading));
+    q.weights.position /= position;
+    q.weights.heading /= heading;
+    q.weights.comfort /= comfort;
+    let row =
+        |row: Row, factor: f64| Row { coefficient: row.coefficient * factor, bound: row.bound * factor };
+    q.comfort.iter_mut().for_each(|one| *one = row(*one, comfort));
+    q.safety.iter_mut().for_each(|one| *one = row(*one, factor()));
+    q
+}
+
+/// Data that are scaled by up to 1e±12 are solved as well as those that are not, or declined; never answered
+/// wrongly.
+#[test]
+fn data_scaled_by_twelve_orders_agree_with_the_reference_or_are_declined() {
+    let mut draw = Draw(8);
+    let mut clarabel = ClarabelSolver::new(CAPACITY).unwrap();
+    let [mut plain, mut exact, mut reference] = [(); 3].map(|()| Solution::with_capacity(CAPACITY));
+    let (mut solved, mut agreed, count) = (0, 0, 4_000);
+    for n in 0..count {
+        let p = random_programme(&mut draw);
+        let q = match n % 4 {
+            0 => rescaled(&p, 1e-12),
+            1 => rescaled(&p, 1e12),
+            _ => rescaled_apart(&p, &mut draw),
+        };
+        assert_eq!(ExactSolver.solve(&p, &mut plain), Outcome::Solved);
+        let value = p.objective(plain.v_mps, plain.omega_radps);
+        let same = |name: &str, s: &Solution| {
+            // Judged by the data as they were.
+            let (v_mps, other) = (s.v_mps, p.objective(s.v_mps, s.omega_radps));
+            let admissible = p.safety.iter().all(|row| row.coefficient * v_mps <= row.bound + 1e-9);
+            let agrees = (other - value).abs() <= 1e-6 * (1.0 + value.abs());
+            assert!(admissible && agrees, "{name}: {other} for {value}\n{s:?}\n{plain:?}\n{q:?}");
+        };
+        if ExactSolver.solve(&q, &mut exact) == Outcome::Solved {
+            same("exact", &exact);
+            solved += 1;
+        }
+        if clarabel.solve(&q, &mut reference) == Outcome::Solved {
+            same("clarabel", &reference);
+            agreed += 1;
+        }
+    }
+    println!("of {count}: {solved} solved exactly, {agreed} by Clarabel");
+    assert!(solved >= count * 9 / 10 && agreed >= count / 2, "{solved} {agreed}");
+}
+
 /// A robot in a crowd may have next to no speed left, by a row or by the guidance's cap.
 #[test]
 fn solvers_agree_on_robots_that_can_hardly_move() {
