@@ -25,7 +25,6 @@ pub(crate) enum Wrong {
     /// Stages what no robot can do.
     Wild,
     /// Drives where it must not, and says that it was verified.
-    #[cfg(test)]
     Reckless,
     /// Changes a command by its last bit.
     #[cfg(test)]
@@ -128,7 +127,6 @@ fn spoil(switch: &Switch, state: Option<&RobotState>, decision: &mut Decision) {
             let wild = Command { v_mps: f64::INFINITY, omega_radps: 1e9 };
             decision.command = RobotCommand::verified(id, wild);
         }
-        #[cfg(test)]
         Wrong::Reckless => {
             switch.note();
             decision.command = RobotCommand::verified(id, Command { v_mps: 5.0, omega_radps: 0.0 });

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::active::Active;
 use super::kind::Kind;
 use super::oracle::{Digest, Keeps};
-use super::plan::{Class, Plan};
+use super::plan::{Class, Options, Plan};
 use super::tally::{Counter, Outside, Tally};
 use crate::channel::memory::Message;
 use crate::controller::{RobotGroup, Timing};
@@ -63,12 +63,11 @@ pub(crate) struct Judge {
     trace: bool,
     pub(crate) story: Vec<String>,
     stopped: Vec<u32>,
-    #[cfg(test)]
     pub(crate) sabotage: super::sabotage::Sabotage,
 }
 
 impl Judge {
-    pub(crate) fn new(plan: &Plan, trace: bool) -> Self {
+    pub(crate) fn new(plan: &Plan, options: &Options) -> Self {
         let config = &plan.config;
         Self {
             keeps: Keeps {
@@ -88,11 +87,10 @@ impl Judge {
             digest: Digest::default(),
             digest_apart: Digest::default(),
             apart: Vec::new(),
-            trace,
+            trace: options.trace,
             story: Vec::new(),
             stopped: vec![0; config.places()],
-            #[cfg(test)]
-            sabotage: super::sabotage::Sabotage::default(),
+            sabotage: super::sabotage::Sabotage::new(options),
         }
     }
 

@@ -38,7 +38,6 @@ mod oracle;
 mod plan;
 mod random;
 mod run;
-#[cfg(test)]
 mod sabotage;
 mod shrink;
 mod stage;

@@ -92,11 +92,22 @@ pub struct Options {
     pub only: Option<Vec<usize>>,
     /// Tell the story.
     pub trace: bool,
+    /// Drive commands that nobody verified, from the twentieth period on: every seed has to fail.
+    pub sabotage: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { robots: None, workers: None, periods: 160, kinds: None, class: None, only: None, trace: false }
+        Self {
+            robots: None,
+            workers: None,
+            periods: 160,
+            kinds: None,
+            class: None,
+            only: None,
+            trace: false,
+            sabotage: false,
+        }
     }
 }
 

@@ -73,7 +73,7 @@ impl Run {
         let mut order = plan.random.clone();
         Self {
             world: World::new(&plan, &memory),
-            judge: Judge::new(&plan, options.trace),
+            judge: Judge::new(&plan, options),
             crew: None,
             switches: (0..plan.workers).map(|_| Rc::default()).collect(),
             operator: Operator::new(),
@@ -201,8 +201,7 @@ impl Run {
             }
         }
         self.memory.command.exhaust(exhausted);
-        #[cfg(test)]
-        self.judge.sabotage.spoil(&self.switches, &self.active, period);
+        self.judge.sabotage.spoil(&self.switches, period);
     }
 
     /// Lets time pass outside, until `until_ns`.

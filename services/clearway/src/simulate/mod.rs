@@ -52,14 +52,17 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CLASS", value_parser = class)]
     class: Option<Class>,
     /// Of the seeds' faults only those with these numbers.
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
-    only: Option<Vec<usize>>,
+    #[arg(long, value_name = "NUMBERS|none", value_parser = only)]
+    only: Option<Only>,
     /// Seeds that run at the same time; as many as there are cores by default.
     #[arg(long)]
     jobs: Option<NonZeroUsize>,
     /// Tell what happens, period by period.
     #[arg(long)]
     trace: bool,
+    /// Drive commands that nobody verified from period 20 on: every seed has to fail, or the checks are worth nothing.
+    #[arg(long)]
+    sabotage: bool,
     /// Do not look for the fewest faults with which a seed still fails.
     #[arg(long)]
     no_shrink: bool,
@@ -83,6 +86,18 @@ fn seeds(text: &str) -> Result<Range<u64>, String> {
     Ok(range)
 }
 
+/// Numbers of faults.
+#[derive(Debug, Clone)]
+struct Only(Vec<usize>);
+
+fn only(text: &str) -> Result<Only, String> {
+    if text == "none" {
+        return Ok(Only(Vec::new()));
+    }
+    let numbers: Result<_, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    numbers.map(Only).map_err(|_| "write the numbers with commas between them, or none".to_owned())
+}
+
 fn kind(name: &str) -> Result<Kind, String> {
     Kind::from_name(name).ok_or_else(|| format!("there is no kind `{name}`: see clearway simulate --list"))
 }
@@ -100,8 +115,9 @@ impl Args {
             periods: self.periods,
             kinds: self.faults.clone(),
             class: self.class,
-            only: self.only.clone(),
+            only: self.only.as_ref().map(|only| only.0.clone()),
             trace: self.trace,
+            sabotage: self.sabotage,
         }
     }
 
@@ -121,7 +137,10 @@ impl Args {
         add("faults", kinds.map(|kinds| kinds.join(",")));
         add("class", self.class.map(|class| class.name().to_owned()));
         let numbers = only.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
-        add("only", (!numbers.is_empty()).then_some(numbers));
+        add("only", Some(if only.is_empty() { "none".to_owned() } else { numbers }));
+        if self.sabotage {
+            command.push_str(" --sabotage");
+        }
         command + " --trace"
     }
 }
