@@ -159,6 +159,8 @@ mod tests {
             assert!(found.ours.iter().all(|path| !path.exists()));
             found.common.iter().for_each(|path| _ = fs::remove_file(path));
         }
-        ["here", "there", "longer"].iter().for_each(|name| fs::remove_dir_all(root(name)).unwrap());
+        for name in ["here", "there", "longer"] {
+            fs::remove_dir_all(root(name)).unwrap();
+        }
     }
 }

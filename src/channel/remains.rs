@@ -244,7 +244,9 @@ mod tests {
         assert!(strangers.iter().all(|path| path.exists()) && common().len() == 1);
         assert_eq!(removed(false), 0);
         // What is common to a prefix goes when nobody else uses the prefix.
-        strangers.iter().for_each(|path| fs::remove_file(path).unwrap());
+        for path in &strangers {
+            fs::remove_file(path).unwrap();
+        }
         assert_eq!((removed(false), common().len()), (1, 0));
         std::mem::forget((states, node));
         fs::remove_dir_all(&settings.root).unwrap();

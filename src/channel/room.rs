@@ -54,7 +54,7 @@ mod tests {
         assert_eq!(kib(), 0);
         reserve(&[path.with_extension("gone")]).unwrap();
         assert_eq!(kib(), 0);
-        reserve(&[path.clone()]).unwrap();
+        reserve(std::slice::from_ref(&path)).unwrap();
         assert_eq!((kib(), file.metadata().unwrap().len()), (1024, 1 << 20));
         std::fs::remove_file(path).unwrap();
         assert!(free_bytes() > Some(0));

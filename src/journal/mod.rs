@@ -2,7 +2,7 @@
 //! or removed, and how often it had to be started again.
 //!
 //! [`Kept`] is plain data. [`Kept::encode`] and [`Kept::decode`] turn it into text and back, with a
-//! checksum, so that a torn, corrupt or foreign text is told from a sound one; [`file`] puts the text on
+//! checksum, so that a torn, corrupt or foreign text is told from a sound one; [`mod@file`] puts the text on
 //! a disk so that there is always one whole file. [`Restarts`] counts starts after a crash. World frame,
 //! metres, radians, `CLOCK_BOOTTIME` ns. Never on a real-time thread; it allocates and formats.
 //!

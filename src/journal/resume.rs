@@ -264,7 +264,7 @@ mod tests {
             (first.start, fourth.radius_m, false),
             (fourth.start, 20.0, false),
         ] {
-            kept.robots[3] = RobotSpec { start, radius_m, ..fourth };
+            kept.robots[3] = RobotSpec { radius_m, start, ..fourth };
             let resumed = found(&ended(kept.clone()), &at_s(1));
             assert_eq!(resumed.config.scenario.robots.len(), if stays { 8 } else { 7 });
             assert_eq!(resumed.notes[0].alarm, !stays);

@@ -5,6 +5,7 @@ use super::plan::Fault;
 
 /// A fault that has begun.
 #[derive(Debug, Clone)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 pub(crate) struct Active {
     pub(crate) fault: Fault,
     /// Robots that it concerns; `None`: everybody.

@@ -45,6 +45,10 @@ pub struct Shown {
     pub recovery: u64,
 }
 
+/// States, commands and memories that went out since the last look.
+type Published<'a> =
+    (&'a VecDeque<Message<RobotState>>, &'a [Message<RobotCommand>], &'a VecDeque<Message<RobotCheckpoint>>);
+
 /// Looks at a run.
 pub(crate) struct Judge {
     keeps: Keeps,
@@ -122,11 +126,7 @@ impl Judge {
     pub(crate) fn published(
         &mut self,
         plan: &Plan,
-        (states, commands, checkpoints): (
-            &VecDeque<Message<RobotState>>,
-            &[Message<RobotCommand>],
-            &VecDeque<Message<RobotCheckpoint>>,
-        ),
+        (states, commands, checkpoints): Published<'_>,
         active: &mut [Active],
         period_of: impl Fn(u64) -> u64,
         ending: bool,
@@ -347,10 +347,9 @@ impl Judge {
     fn away<'a>(&'a self, plan: &'a Plan, goals_m: &'a [Vec2]) -> impl Iterator<Item = usize> + 'a {
         let excused = |index: usize| match plan.class {
             // Nobody promises that they get out of each other's way, or through the walls.
-            Class::Crowd | Class::Coincident | Class::Overlap => true,
-            Class::Boxed => index == 0,
             // A foreign robot may stand in the way for ever.
-            Class::Foreign => true,
+            Class::Crowd | Class::Coincident | Class::Overlap | Class::Foreign => true,
+            Class::Boxed => index == 0,
             _ => false,
         };
         let fleet = self.states.back();

@@ -28,6 +28,8 @@
 //! # Ok::<(), clearway::simulation::SimulationError>(())
 //! ```
 
+#![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a chance lies in [0, 1)")]
+
 mod active;
 mod hands;
 mod judge;

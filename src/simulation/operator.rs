@@ -73,11 +73,11 @@ impl Operator {
     pub(crate) fn act(&mut self, at: (u64, u64), plan: &Plan, goals_m: &[Vec2], active: &mut [Active]) {
         let (done, refused) = (Expected::Done, Expected::Code);
         let period = at.1;
-        for which in 0..active.len() {
-            let (fault, kind) = (active[which].fault, active[which].kind());
+        for one in active.iter_mut() {
+            let (fault, kind) = (one.fault, one.kind());
             // One step after the other, each when the one before has had its period.
-            let step = active[which].applied;
-            if period < fault.from || active[which].stepped.is_some_and(|last| period < last + 2) {
+            let step = one.applied;
+            if period < fault.from || one.stepped.is_some_and(|last| period < last + 2) {
                 continue;
             }
             let last = period >= fault.last();
@@ -137,9 +137,9 @@ impl Operator {
                 }
                 _ => continue,
             }
-            active[which].applied += 1;
-            active[which].stepped = Some(period);
-            active[which].outlast(period + 2);
+            one.applied += 1;
+            one.stepped = Some(period);
+            one.outlast(period + 2);
         }
     }
 

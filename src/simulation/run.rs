@@ -158,7 +158,8 @@ impl Run {
             one.until = one.last + 2;
             let (number, until) = (one.fault.number, one.until);
             for other in self.active.iter_mut().filter(|other| other.fault.number != number) {
-                (other.shadowed, _) = (true, other.outlast(until));
+                other.shadowed = true;
+                other.outlast(until);
             }
         }
         if self.due(Kind::Kill, next).is_some_and(|one| one.fault.chance < 0.5) {
@@ -446,7 +447,9 @@ impl Run {
         #[allow(unused_mut, reason = "tests expect somebody elsewhere")]
         let mut goals_m = self.goals_m.clone();
         #[cfg(test)]
-        goals_m.iter_mut().for_each(|goal_m| goal_m.x += self.expected_off_m);
+        for goal_m in &mut goals_m {
+            goal_m.x += self.expected_off_m;
+        }
         goals_m
     }
 

@@ -19,12 +19,18 @@ pub(crate) struct Sabotage {
 
 impl Sabotage {
     pub(crate) fn new(options: &Options) -> Self {
-        Self { wrong: options.sabotage.then_some((FROM, Wrong::Reckless)), ..Self::default() }
+        Self {
+            wrong: options.sabotage.then_some((FROM, Wrong::Reckless)),
+            #[cfg(test)]
+            hides_counters: false,
+        }
     }
 
     pub(crate) fn spoil(&self, switches: &[Rc<Switch>], period: u64) {
         if let Some((_, wrong)) = self.wrong.filter(|(from, _)| period >= *from) {
-            switches.iter().for_each(|switch| switch.wrong.set(wrong));
+            for switch in switches {
+                switch.wrong.set(wrong);
+            }
         }
     }
 }

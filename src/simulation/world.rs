@@ -214,7 +214,7 @@ impl World {
             });
             let Some(queue) = self.drivers[at].commands.queue().cloned() else { continue };
             for message in queue.edit(std::mem::take) {
-                self.carry(at, message, (now_ns, period), active, &mut due);
+                self.carry(at, &message, (now_ns, period), active, &mut due);
             }
             queue.edit(|waiting| *waiting = due);
             // As every receiver: what is not as it was sealed is not handed out.
@@ -230,7 +230,7 @@ impl World {
     fn carry(
         &mut self,
         at: usize,
-        message: Message<RobotCommand>,
+        message: &Message<RobotCommand>,
         (now_ns, period): (u64, u64),
         active: &mut [Active],
         due: &mut VecDeque<Message<RobotCommand>>,
@@ -322,6 +322,7 @@ impl World {
         }
     }
 
+    #[expect(clippy::too_many_lines, reason = "an arm for each fault that meets an observation on its way")]
     fn send(
         &mut self,
         at: usize,

@@ -248,9 +248,10 @@ fn answers(regional: bool, strikes: bool) -> Vec<Vec<(Option<RobotCommand>, Opti
         board: Arc::clone(&board),
         records: Arc::clone(&records),
     };
-    let inner = match regional {
-        true => RobotGroup::among(&config, Arc::new(Robots::new(&config))).unwrap(),
-        false => RobotGroup::new(&config, 0..ROBOTS).unwrap(),
+    let inner = if regional {
+        RobotGroup::among(&config, Arc::new(Robots::new(&config))).unwrap()
+    } else {
+        RobotGroup::new(&config, 0..ROBOTS).unwrap()
     };
     let mut group = Struck { inner, world: &world, strikes: false };
     let period = |tick: u64| {

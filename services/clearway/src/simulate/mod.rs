@@ -32,6 +32,7 @@ Examples:
   clearway simulate --list                      the kinds of faults and what is done about them
 
 Exit codes: 0 everything held, 1 it did not in some seed, 2 the command line is wrong.")]
+#[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub(crate) struct Args {
     /// Seeds from A up to B, without B.
     #[arg(long, value_name = "A..B", default_value = "0..200", value_parser = seeds)]
@@ -126,7 +127,7 @@ impl Args {
         let mut command = format!("clearway simulate --seeds {seed}..{}", seed + 1);
         let mut add = |name: &str, value: Option<String>| {
             if let Some(value) = value {
-                command.push_str(&format!(" --{name} {value}"));
+                command.extend([" --", name, " ", &value]);
             }
         };
         add("robots", self.robots.map(|n| n.to_string()));
@@ -181,7 +182,9 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
     stories.sort_by_key(|(seed, _)| *seed);
     for (seed, story) in &stories {
         crate::show(&format!("seed {seed}\n"));
-        story.iter().for_each(|line| crate::show(&format!("  {line}\n")));
+        for line in story {
+            crate::show(&format!("  {line}\n"));
+        }
     }
     hand_out(args, &result, lines)?;
     Ok(result.failed.is_empty())
