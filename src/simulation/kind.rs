@@ -110,7 +110,8 @@ macro_rules! kinds {
 kinds! {
     /// No fault: the first periods of a daemon.
     Begin => Promise {
-        counters: &[Rejected(Rejection::Epoch)], named: false,
+        // It attaches two to three periods before its first: what came at once is too old by then.
+        counters: &[Rejected(Rejection::Epoch), Rejected(Rejection::Stale)], named: false,
         stops: &[StopReason::Start, StopReason::NoState], recovery: 0,
         ..one("begin", Scope::Fleet, "robots stand until the first state is answered")
     };
@@ -244,7 +245,9 @@ kinds! {
     };
     /// The stamp lies ahead: another clock.
     ObsFuture => Promise {
-        counters: &[Rejected(Rejection::Future), Skipped], stops: UNSEEN, lasts: (1, 6), recovery: 2, says: REFUSED,
+        // One that waits while the loop overruns is not of the future any more, and newer than those behind it.
+        counters: &[Rejected(Rejection::Future), Skipped, Rejected(Rejection::Reordered)],
+        stops: UNSEEN, lasts: (1, 6), recovery: 2, says: REFUSED,
         ..one("obs-future", Scope::Driver, "refused; stale after two periods, then its robots stop")
     };
     /// A robot is seen elsewhere than where it can be.

@@ -349,7 +349,13 @@ impl Run {
             crew.work(worker);
         }
         let applied = self.switches.get(worker).map_or(0, |switch| switch.applied.get()) - before;
+        let answers = self.switches.get(worker).map_or(0, |switch| switch.robots.get());
         for one in &mut self.active {
+            let over = one.applied > 0 && !one.acts_at(period);
+            if over && one.fault.target == worker && one.kind().promise().scope == Scope::Worker {
+                // Regions move: its robots may have left it in the very period of the fault.
+                one.armed &= answers > 0;
+            }
             let inside = matches!(
                 one.kind(),
                 Kind::WorkerPanic

@@ -24,7 +24,8 @@ fn clearwayd() -> &'static Path {
         let folder = Path::new(env!("CARGO_BIN_EXE_clearway-plant")).parent().unwrap();
         let release = folder.file_name().is_some_and(|name| name == "release");
         let built = Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "--package", "clearwayd", "--target-dir"])
+            // With the features of the whole workspace: by itself it would be built from the ground up.
+            .args(["build", "--quiet", "--workspace", "--bin", "clearwayd", "--target-dir"])
             .arg(folder.parent().unwrap())
             .args(release.then_some("--release"))
             .current_dir(env!("CARGO_MANIFEST_DIR"))
