@@ -37,6 +37,22 @@ fn config() -> Config {
     Config::new(Scenario::builtin("swap8").unwrap())
 }
 
+/// A worker that has the whole fleet.
+fn worker(states: StateReader, board: &Arc<Board>) -> Worker<VirtualClock> {
+    Worker {
+        index: 0,
+        wakeup: Wakeup::Futex,
+        due_ns: 0,
+        owned: 0..ROBOTS,
+        robots: ROBOTS,
+        epoch: EPOCH,
+        clock: VirtualClock::new(NOW),
+        states,
+        board: Arc::clone(board),
+        records: Arc::new(Pool::new(4, || SolveRecord::with_room(ROBOTS))),
+    }
+}
+
 fn states(config: &Config) -> Vec<RobotState> {
     let seen = |robot| RobotState { flags: state_flags::VALID, ..RobotState::at_start(robot) };
     config.scenario.robots.iter().map(seen).collect()
@@ -140,18 +156,7 @@ fn no_bit_of_a_state() {
     });
     let ids = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
     let board = Arc::new(Board::new(ids, 1, Wakeup::Futex));
-    let mut worker = Worker {
-        index: 0,
-        wakeup: Wakeup::Futex,
-        due_ns: 0,
-        owned: 0..ROBOTS,
-        robots: ROBOTS,
-        epoch: EPOCH,
-        clock: VirtualClock::new(NOW),
-        states: reader,
-        board: Arc::clone(&board),
-        records: Arc::new(Pool::new(4, || SolveRecord::with_room(ROBOTS))),
-    };
+    let mut worker = worker(reader, &board);
     let mut group = RobotGroup::new(&config, 0..ROBOTS).unwrap();
     let untouched = |group: &RobotGroup| {
         let mut words = Vec::new();
@@ -235,19 +240,8 @@ fn answers(regional: bool, strikes: bool) -> Vec<Vec<(Option<RobotCommand>, Opti
     let mut writer: Writer<RobotState> = node.writer(ROBOTS).unwrap();
     let ids = config.scenario.robots.iter().map(|robot| robot.id.0).collect();
     let board = Arc::new(Board::new(ids, 1, Wakeup::Futex));
-    let records = Arc::new(Pool::new(4, || SolveRecord::with_room(ROBOTS)));
-    let mut worker = Worker {
-        index: 0,
-        wakeup: Wakeup::Futex,
-        due_ns: 0,
-        owned: 0..ROBOTS,
-        robots: ROBOTS,
-        epoch: EPOCH,
-        clock: VirtualClock::new(NOW),
-        states: node.reader().unwrap(),
-        board: Arc::clone(&board),
-        records: Arc::clone(&records),
-    };
+    let mut worker = worker(node.reader().unwrap(), &board);
+    let records = Arc::clone(&worker.records);
     let inner = if regional {
         RobotGroup::among(&config, Arc::new(Robots::new(&config))).unwrap()
     } else {
