@@ -10,6 +10,7 @@
 
 use crate::admission::{Admission, Rejection, Rejections};
 use crate::channel::{NotCopied, ObservationReader};
+use crate::clock::Clock;
 use crate::config::SourceConfig;
 use crate::geometry::{Arc, Pose};
 use crate::model::{Command, Disturbance, RobotId, RobotSpec};
@@ -34,8 +35,9 @@ pub struct Instant {
 /// A source of states.
 pub trait StateSource {
     /// Writes the poses of all robots at `t_k` and their uncertainty, one for each place, and sets or
-    /// clears [`state_flags::VALID`]; leaves everything else, and free places.
-    fn observe(&mut self, instant: Instant, states: &mut [RobotState]);
+    /// clears [`state_flags::VALID`]; leaves everything else, and free places. `clock` tells the time that
+    /// has come since `instant`.
+    fn observe(&mut self, instant: Instant, clock: &dyn Clock, states: &mut [RobotState]);
 
     /// Whether it knows where every robot is without being told.
     fn knows_all(&self) -> bool;
@@ -60,7 +62,7 @@ fn set_pose(state: &mut RobotState, pose: Pose, uncertainty_m: f64, valid: bool)
 }
 
 impl StateSource for Plant {
-    fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
+    fn observe(&mut self, instant: Instant, _: &dyn Clock, states: &mut [RobotState]) {
         self.advance(instant.release_ns);
         for (index, state) in states.iter_mut().enumerate() {
             if let Some(pose) = self.seen(index).filter(|_| !state.has(state_flags::VACANT)) {
@@ -245,14 +247,19 @@ fn history(max_age_ns: u64, period_ns: u64) -> usize {
 }
 
 impl StateSource for Observed {
-    fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
+    fn observe(&mut self, instant: Instant, clock: &dyn Clock, states: &mut [RobotState]) {
+        let mut now_ns = instant.now_ns;
         for _ in 0..self.samples_max {
             // A writer that cannot be mapped is one that is not heard: its robots become stale.
             let Ok(Some(sample)) = self.reader.next_unverified() else { break };
             match sample.copy_to(&mut self.copy, self.carried.len()) {
                 Ok(header) => {
-                    let (epoch, now_ns) = (instant.epoch, instant.now_ns);
-                    self.admission.sample(sample.writer(), &header, &self.copy, epoch, now_ns);
+                    // It may have been made while those before it were looked at: what has been received is
+                    // of the future only if it says so of a moment after that.
+                    if header.stamp_ns > now_ns {
+                        now_ns = now_ns.max(clock.now_ns());
+                    }
+                    self.admission.sample(sample.writer(), &header, &self.copy, instant.epoch, now_ns);
                 }
                 Err(NotCopied::Corrupt) => self.admission.refuse(Rejection::Corrupt),
                 Err(NotCopied::TooLong) => self.admission.refuse(Rejection::Oversize),
@@ -372,6 +379,10 @@ impl Held {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::channel::memory::Memory;
+    use crate::channel::{Transport, Writer};
+    use crate::clock::VirtualClock;
+    use crate::config::ChannelConfig;
     use crate::model::RobotId;
 
     const T: u64 = 100;
@@ -467,6 +478,44 @@ mod tests {
         assert!((back.theta_rad - pose.theta_rad).abs() < 1e-12);
         // 190 ms at 2 m/s.
         assert!((way_m - 0.38).abs() < 1e-12 && (way_back_m - way_m).abs() < 1e-12, "{way_m}");
+    }
+
+    #[test]
+    fn of_the_future_is_what_is_stamped_later_than_it_was_received() {
+        const NOW: u64 = 1_000_000_000;
+        let transport = Transport::new("default", &ChannelConfig::default()).unwrap();
+        let node = transport.in_memory(Memory::default().into()).attach("test").unwrap();
+        let scenario = Scenario::builtin("swap8").unwrap();
+        let robots = scenario.robots.len();
+        let mut writer: Writer<RobotObservation> = node.writer(robots).unwrap();
+        let reader = node.reader().unwrap();
+        let mut source = Observed::new(reader, &scenario, &SourceConfig::default(), 80_000_000);
+        let mut fleet: Vec<RobotState> = scenario.robots.iter().map(RobotState::at_start).collect();
+        // Taking the samples begins at NOW; the last is taken 5 ms later.
+        let (instant, clock) =
+            (Instant { epoch: 7, release_ns: NOW, now_ns: NOW }, VirtualClock::new(NOW + 5_000_000));
+        let mut valid_after = |sequence: u64, stamp_ns: u64| {
+            let sent = writer.publish(|header, records| {
+                (header.sequence, header.stamp_ns) = (sequence, stamp_ns);
+                for (record, robot) in records.iter_mut().zip(&scenario.robots) {
+                    let Pose { position_m, theta_rad } = robot.start;
+                    let (x_m, y_m) = (position_m.x, position_m.y);
+                    *record = RobotObservation { id: robot.id.0, reserved: 0, x_m, y_m, theta_rad };
+                }
+            });
+            sent.unwrap();
+            source.observe(instant, &clock, &mut fleet);
+            let refused = source.rejections();
+            (
+                fleet.iter().all(|state| state.has(state_flags::VALID)),
+                refused.get(Rejection::Future),
+                refused.total(),
+            )
+        };
+        assert_eq!(valid_after(1, NOW + 5_000_001), (false, 1, 1));
+        assert_eq!(valid_after(2, NOW + 5_000_000), (true, 1, 1));
+        assert_eq!(valid_after(3, NOW + 5_000_000), (true, 1, 1));
+        assert_eq!(valid_after(4, u64::MAX), (true, 2, 2));
     }
 
     /// Wherever on its way a robot stopped that is not heard: it is where it may be.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clearway::admission::Rejection;
 use clearway::channel::{CommandReader, StateReader, Transport, Writer};
-use clearway::clock::{Clock, MonotonicClock};
+use clearway::clock::{Clock, MonotonicClock, VirtualClock};
 use clearway::config::{Config, SourceKind};
 use clearway::controller::{RobotGroup, Timing};
 use clearway::evaluation::initial_fleet;
@@ -199,7 +199,8 @@ fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, 
         for (state, command) in states.iter_mut().zip(&commands) {
             state.set_command(command.command());
         }
-        source.observe(Instant { epoch: 7, release_ns, now_ns: release_ns }, &mut states);
+        let instant = Instant { epoch: 7, release_ns, now_ns: release_ns };
+        source.observe(instant, &VirtualClock::new(release_ns), &mut states);
         assert_eq!(states[silent].has(state_flags::VALID), tick <= last_heard + 2);
         let mut next = commands.clone();
         group.solve(&states, Timing::LogicalExecutionTime, |index, decision| next[index] = decision.command);
@@ -246,7 +247,8 @@ fn a_foreign_robot_may_be_as_far_as_it_can_have_driven_since_it_was_seen() {
     let mut source = Observed::new(node.reader().unwrap(), &config.scenario, &config.source, T);
     let mut states = initial_fleet(&config);
     let mut at = |source: &mut Observed, now_ns| {
-        source.observe(Instant { epoch: 7, release_ns: now_ns, now_ns }, &mut states);
+        let instant = Instant { epoch: 7, release_ns: now_ns, now_ns };
+        source.observe(instant, &VirtualClock::new(now_ns), &mut states);
         // Whatever it is told, a foreign robot does not do it.
         let drive = |s: &clearway::wire::RobotState| {
             RobotCommand::verified(s.robot(), Command { v_mps: 1.0, omega_radps: 0.0 })

@@ -25,7 +25,7 @@ pub enum Rejection {
     Epoch,
     /// Older than the largest age.
     Stale,
-    /// Stamped later than now: the writer has another clock.
+    /// Stamped later than it was received: the writer has another clock.
     Future,
     /// Further from the last good pose than the robot can have driven; in quarantine until enough
     /// samples agree with each other.

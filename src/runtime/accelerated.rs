@@ -247,8 +247,8 @@ struct Shuttle {
 }
 
 impl StateSource for Shuttle {
-    fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
-        self.source.observe(instant, states);
+    fn observe(&mut self, instant: Instant, clock: &dyn Clock, states: &mut [RobotState]) {
+        self.source.observe(instant, clock, states);
         let arrived = |state: &RobotState| {
             (state.position_m() - state.goal_m()).norm() <= self.tolerance_m
                 && state.command() == Command::STOP

@@ -224,7 +224,7 @@ impl<C: Clock> ControlLoop<C> {
             state.set_command(if in_force { command.command() } else { Command::STOP });
             state.intent = if in_force { *intent } else { resting(intent) };
         }
-        self.source.observe(instant, &mut memory.states);
+        self.source.observe(instant, &self.clock, &mut memory.states);
         // Who is added has to keep clear of what others still travel.
         self.memory.count_travel(tick);
         self.carry_out(tick, instant.now_ns);

@@ -706,11 +706,11 @@ fn there_is_no_heartbeat_while_a_worker_hangs() {
 fn there_is_no_heartbeat_while_the_loop_hangs() {
     struct Hanging(Plant, Arc<AtomicBool>);
     impl StateSource for Hanging {
-        fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
+        fn observe(&mut self, instant: Instant, clock: &dyn Clock, states: &mut [RobotState]) {
             while self.1.load(Ordering::Relaxed) {
                 std::thread::sleep(std::time::Duration::from_millis(1));
             }
-            self.0.observe(instant, states);
+            self.0.observe(instant, clock, states);
         }
         fn knows_all(&self) -> bool {
             true

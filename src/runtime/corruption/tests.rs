@@ -122,7 +122,8 @@ fn no_bit_of_an_observation() {
     let mut fleet: Vec<RobotState> = config.scenario.robots.iter().map(RobotState::at_start).collect();
     let before = fleet.clone();
     let mut observe = |source: &mut Observed| {
-        source.observe(Instant { epoch: EPOCH, release_ns: NOW, now_ns: NOW }, &mut fleet);
+        let instant = Instant { epoch: EPOCH, release_ns: NOW, now_ns: NOW };
+        source.observe(instant, &VirtualClock::new(NOW), &mut fleet);
         (source.rejections(), fleet.clone())
     };
     let mut refused = 0;

@@ -1,6 +1,7 @@
 //! Traffic that never ends: who nears its goal is sent on along its street.
 
 use clearway::admission::Rejections;
+use clearway::clock::Clock;
 use clearway::config::Config;
 use clearway::geometry::{Vec2, rotate};
 use clearway::model::RobotSpec;
@@ -35,8 +36,8 @@ impl Carousel {
 }
 
 impl StateSource for Carousel {
-    fn observe(&mut self, instant: Instant, states: &mut [RobotState]) {
-        StateSource::observe(&mut self.plant, instant, states);
+    fn observe(&mut self, instant: Instant, clock: &dyn Clock, states: &mut [RobotState]) {
+        StateSource::observe(&mut self.plant, instant, clock, states);
         for (state, (side, radii_m)) in states.iter_mut().zip(&mut self.legs) {
             let (goal_m, here_m) = (state.goal_m(), state.position_m());
             if (goal_m - here_m).norm_squared() > NEAR_M * NEAR_M {
