@@ -8,6 +8,7 @@ use clearway::admission::{Admission, Rejection};
 use clearway::config::{Config, SourceConfig};
 use clearway::controller::{RobotGroup, Timing};
 use clearway::evaluation::initial_fleet;
+use clearway::geometry::wrap;
 use clearway::model::{Command, Limits, RobotId};
 use clearway::runtime::Rehearsal;
 use clearway::scenario::Scenario;
@@ -133,10 +134,19 @@ mod observation {
         }
 
         #[test]
-        fn a_heading_is_wrapped_or_refused(theta_rad in number()) {
-            let (admission, _) = after(next(), RobotObservation { theta_rad, ..here() });
-            judged(&admission, (!theta_rad.is_finite()).then_some(Rejection::NotFinite));
-            if theta_rad.is_finite() {
+        fn a_heading_is_wrapped_and_one_that_it_can_have_turned_to_or_refused(theta_rad in number()) {
+            let (admission, start) = after(next(), RobotObservation { theta_rad, ..here() });
+            // 1 rad/s for 80 ms, and the margin.
+            let reach_rad = 0.08 + SourceConfig::default().turn_margin_rad;
+            let refused = if !theta_rad.is_finite() {
+                Some(Rejection::NotFinite)
+            } else if wrap(wrap(theta_rad) - start.theta_rad).abs() > reach_rad {
+                Some(Rejection::Jump)
+            } else {
+                None
+            };
+            judged(&admission, refused);
+            if refused.is_none() {
                 let pose = admission.pose(0, NOW).unwrap().0;
                 prop_assert!(pose.theta_rad > -PI && pose.theta_rad <= PI, "{}", pose.theta_rad);
                 // Beyond that the last bit of the heading is more than a small angle.

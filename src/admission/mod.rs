@@ -4,7 +4,7 @@
 //! to somebody else and can hold anything, so every record is checked: finite, inside the arena, a
 //! known robot, once a sample, from the one writer that speaks for it, in sequence, of this run,
 //! neither stale nor from the future, and no further from the last good pose than the robot can
-//! have driven. What fails is counted under its own reason and changes nothing else; a robot
+//! have driven, nor turned by more than it can have turned. What fails is counted under its own reason and changes nothing else; a robot
 //! without an accepted pose is told to stop by whoever asks [`Admission::pose`].
 //!
 //! World frame, metres, radians, `CLOCK_MONOTONIC` ns. About 50 ns a record plus a binary search;
@@ -15,6 +15,8 @@ mod sequence;
 mod track;
 
 pub use rejection::{Rejection, Rejections};
+
+use std::f64::consts::PI;
 
 use crate::config::SourceConfig;
 use crate::geometry::Pose;
@@ -45,10 +47,17 @@ impl Admission {
     /// Admission for the robots of `scenario`, none of them seen yet.
     pub fn new(scenario: &Scenario, config: &SourceConfig, period_ns: u64) -> Self {
         let ids = scenario.robots.iter().enumerate().map(|(index, robot)| (robot.id.0, index)).collect();
-        // One that takes no commands does not keep to our limits either.
-        let own = Bounds { speed_mps: scenario.limits.speed_mps(), margin_m: config.jump_margin_m };
-        let bounds =
-            |robot: &RobotSpec| Bounds { speed_mps: robot.foreign_speed_mps.unwrap_or(own.speed_mps), ..own };
+        let own = Bounds {
+            speed_mps: scenario.limits.speed_mps(),
+            margin_m: config.jump_margin_m,
+            turn_rate_radps: scenario.limits.turn_rate_radps(),
+            margin_rad: config.turn_margin_rad,
+        };
+        // One that takes no commands does not keep to our limits either, and may turn as it likes.
+        let bounds = |robot: &RobotSpec| match robot.foreign_speed_mps {
+            Some(speed_mps) => Bounds { speed_mps, margin_rad: PI, ..own },
+            None => own,
+        };
         let tracks = scenario.robots.iter().map(|robot| Track::new(robot.start, bounds(robot))).collect();
         Self {
             ids,
@@ -89,7 +98,8 @@ impl Admission {
         }
     }
 
-    /// Accepts what noise and slip within `bounds` explain: a robot that seems to have driven further.
+    /// Accepts what noise and slip within `bounds` explain: a robot that seems to have driven or
+    /// turned further.
     #[must_use]
     pub fn tolerating(mut self, bounds: &Disturbance) -> Self {
         self.bounds.tolerate(bounds);

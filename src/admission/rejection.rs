@@ -27,8 +27,8 @@ pub enum Rejection {
     Stale,
     /// Stamped later than it was received: the writer has another clock.
     Future,
-    /// Further from the last good pose than the robot can have driven; in quarantine until enough
-    /// samples agree with each other.
+    /// Further from the last good pose than the robot can have driven, or turned by more than it can have
+    /// turned; in quarantine until enough samples agree with each other.
     Jump,
     /// Not what its writer sealed: changed in memory, half written, or meant for another channel or fleet.
     Corrupt,

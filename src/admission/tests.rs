@@ -344,6 +344,67 @@ fn noise_and_slip_explain_that_much_more_way() {
     }
 }
 
+fn facing(id: u32, theta_rad: f64) -> RobotObservation {
+    RobotObservation { theta_rad, ..at(id, 3.0) }
+}
+
+#[test]
+fn a_heading_that_turned_further_than_it_can_is_in_quarantine_like_a_jump() {
+    // 1 rad/s for 80 ms and 0.25 rad: 0.33 rad, to either side and over the wrap.
+    for (before_rad, turned_rad, believed) in [
+        (0.0, 0.329, true),
+        (0.0, 0.331, false),
+        (0.0, -0.329, true),
+        (0.0, -0.331, false),
+        (3.1, 0.329, true),
+        (3.1, 0.331, false),
+        (-3.1, -0.329, true),
+        (-3.1, -0.331, false),
+        (1.0, PI, false),
+        (1.0, 4.0 * PI, true),
+    ] {
+        let mut a = admission();
+        offer(&mut a, 1, facing(3, before_rad));
+        offer(&mut a, 2, facing(3, before_rad + turned_rad));
+        assert_eq!(a.pose(0, 2 * T).is_some(), believed, "{before_rad} {turned_rad}");
+        assert_eq!(a.rejections().get(Rejection::Jump), u64::from(!believed));
+    }
+    // Believed again when as many agree as after a jump of the position.
+    let mut a = admission();
+    offer(&mut a, 1, facing(3, 0.0));
+    for n in 2..7 {
+        offer(&mut a, n, facing(3, 2.0));
+        assert_eq!(a.pose(0, n * T), None, "{n}");
+    }
+    offer(&mut a, 7, facing(3, 2.0));
+    assert_eq!(a.pose(0, 7 * T).map(|(pose, _)| pose.theta_rad), Some(2.0));
+    assert_eq!((a.rejections().get(Rejection::Jump), a.rejections().total()), (5, 5));
+    // Who was not seen for long enough can have any heading: (π − 0.25) rad at 1 rad/s take 36.2 periods.
+    for (periods, believed) in [(36, false), (37, true)] {
+        let mut a = admission();
+        offer(&mut a, 1, facing(3, 0.0));
+        offer(&mut a, 1 + periods, facing(3, PI));
+        assert_eq!(a.rejections().get(Rejection::Jump), u64::from(!believed));
+    }
+}
+
+#[test]
+fn noise_and_the_error_of_the_turn_rate_explain_that_much_more_turn() {
+    // 0.33 rad; noise at both ends adds 0.06 rad, half a radian a second more 0.04 rad.
+    let bounds = Disturbance { heading_rad: 0.03, turn_rate_radps: 0.5, ..Disturbance::NONE };
+    for (turned_rad, believed) in [(0.34, true), (0.429, true), (0.431, false)] {
+        let mut a = admission().tolerating(&bounds);
+        offer(&mut a, 1, facing(3, 0.0));
+        offer(&mut a, 2, facing(3, turned_rad));
+        assert_eq!(a.pose(0, 2 * T).is_some(), believed, "{turned_rad}");
+    }
+    // A foreign robot may turn as it likes, from one sample to the next at the same time.
+    let mut a = admission_of(Some(0.5));
+    a.sample(A, &header(1, T), &[facing(9, 0.0)], EPOCH, T);
+    a.sample(A, &header(2, T), &[facing(9, PI)], EPOCH, T);
+    assert_eq!(a.rejections().total(), 0);
+}
+
 #[test]
 fn every_reason_has_its_own_name_and_count() {
     let mut a = admission();

@@ -1,16 +1,18 @@
 use super::Rejection;
-use crate::geometry::Pose;
+use crate::geometry::{Pose, wrap};
 use crate::model::Disturbance;
 use crate::wire::ObservationHeader;
 
 /// Samples in a row that must agree with each other before a robot that jumped is believed again.
 const READMIT_SAMPLES: u32 = 5;
 
-/// How far a robot can have gone.
+/// How far a robot can have gone, and how far it can have turned.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     pub(super) speed_mps: f64,
     pub(super) margin_m: f64,
+    pub(super) turn_rate_radps: f64,
+    pub(super) margin_rad: f64,
 }
 
 impl Bounds {
@@ -18,6 +20,8 @@ impl Bounds {
     pub(super) fn tolerate(&mut self, disturbed: &Disturbance) {
         self.margin_m += 2.0 * disturbed.position_m;
         self.speed_mps *= 1.0 + disturbed.slip;
+        self.margin_rad += 2.0 * disturbed.heading_rad;
+        self.turn_rate_radps += disturbed.turn_rate_radps;
     }
 }
 
@@ -29,15 +33,17 @@ struct Seen {
 }
 
 impl Seen {
-    /// Whether a robot can have come from here to `next`.
+    /// Whether a robot can have come from here to `next`. Who can have turned by π can have any heading.
     fn reaches(&self, next: &Self, bounds: &Bounds) -> bool {
         let elapsed_s = next.stamp_ns.saturating_sub(self.stamp_ns) as f64 * 1e-9;
         let moved_m = (next.pose.position_m - self.pose.position_m).norm();
+        let turned_rad = wrap(next.pose.theta_rad - self.pose.theta_rad).abs();
         moved_m <= bounds.speed_mps * elapsed_s + bounds.margin_m
+            && turned_rad <= bounds.turn_rate_radps * elapsed_s + bounds.margin_rad
     }
 }
 
-/// A robot whose pose jumped, and how many samples have agreed since.
+/// A robot whose position or heading jumped, and how many samples have agreed since.
 #[derive(Debug, Clone, Copy)]
 struct Quarantine {
     last: Seen,

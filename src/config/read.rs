@@ -261,6 +261,7 @@ fn source(mut s: Section<'_>, mut v: SourceConfig) -> Source {
     let max_age = s.set_micros_or("max_age_us", &mut v.max_age_ns, 1..=60 * SECOND_US, "two periods");
     let arena = s.set_number("arena_m", &mut v.arena_m, 1.0..=1e5);
     s.set_number("jump_margin_m", &mut v.jump_margin_m, 0.0..=1e3);
+    s.set_number("turn_margin_rad", &mut v.turn_margin_rad, 0.0..=4.0);
     s.finish();
     Source { value: v, max_age, arena }
 }

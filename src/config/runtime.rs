@@ -147,6 +147,9 @@ pub struct SourceConfig {
     pub arena_m: f64,
     /// How much further than `v_max` allows a position may have moved since the last good one, m.
     pub jump_margin_m: f64,
+    /// How much further than `ω_max` allows a heading may have turned since the last good one, rad. From π
+    /// on: any heading is believed.
+    pub turn_margin_rad: f64,
 }
 
 impl Default for SourceConfig {
@@ -157,6 +160,9 @@ impl Default for SourceConfig {
             max_age_ns: None,
             arena_m: 1.0e4,
             jump_margin_m: 0.25,
+            // In the two periods that an answer takes, 0.8 m at the paper's limits, a heading that is so far
+            // off leads a robot astray by 0.2 m: no further than a position may be off.
+            turn_margin_rad: 0.25,
         }
     }
 }

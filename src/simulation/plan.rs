@@ -111,6 +111,9 @@ impl Default for Options {
     }
 }
 
+/// [`Fault::coordinate`] for a heading.
+const HEADING: usize = 2;
+
 /// One fault of a seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
@@ -139,6 +142,17 @@ impl Fault {
         // An overrun lasts as long as it is late, and shows when the loop wakes.
         let late = if self.kind == Kind::Overrun { 22 } else { 0 };
         self.last().saturating_add(late).saturating_add(self.kind.promise().recovery)
+    }
+
+    /// Which of x, y and the heading it puts something else into, where it does.
+    pub(crate) fn coordinate(&self) -> usize {
+        (self.chance * 9.0) as usize % 3
+    }
+
+    /// Whether distances are kept in spite of it. Admission sees every wrong heading that can lead a robot
+    /// far astray, but a position may be wrong by as much as the robot can have driven.
+    pub(crate) fn keeps_clear(&self) -> bool {
+        self.kind.promise().keeps_clear || self.kind == Kind::ObsSubnormal && self.coordinate() == HEADING
     }
 }
 

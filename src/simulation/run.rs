@@ -239,7 +239,7 @@ impl Run {
         self.world.judge(
             |index| index < fleet || index == fleet && added,
             |index| {
-                let lies = |one: &Active| !one.kind().promise().keeps_clear && one.touches(index);
+                let lies = |one: &Active| !one.fault.keeps_clear() && one.touches(index);
                 active.iter().any(|one| lies(one) && one.acts_within(period))
             },
             |broken| judge.fail(period, Some(broken.robot), broken.invariant, broken.values),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::active::Active;
 use super::kind::Kind;
 use super::oracle::{Genuine, keep_apart};
-use super::plan::{Class, Plan};
+use super::plan::{Class, Fault, Plan};
 use super::tally::Outside;
 use crate::channel::memory::{Memory, Message};
 use crate::channel::{Channel, CommandReader, Reader, Record};
@@ -386,7 +386,7 @@ impl World {
                         }
                         true
                     }
-                    _ => spoil(kind, fault.chance, &mut records[place]),
+                    _ => spoil(&fault, &mut records[place]),
                 }
             } else if fault.target != at {
                 false
@@ -515,8 +515,9 @@ pub(crate) fn flip<R: Record>(message: &mut Message<R>, chance: f64, times: u64)
 }
 
 /// Makes one robot's record wrong; whether the kind is about that.
-fn spoil(kind: Kind, chance: f64, record: &mut RobotObservation) -> bool {
-    let bad = match kind {
+fn spoil(fault: &Fault, record: &mut RobotObservation) -> bool {
+    let chance = fault.chance;
+    let bad = match fault.kind {
         Kind::ObsNotFinite => [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][(chance * 3.0) as usize % 3],
         Kind::ObsSubnormal => 1e-310,
         Kind::ObsOutOfRange => {
@@ -533,7 +534,7 @@ fn spoil(kind: Kind, chance: f64, record: &mut RobotObservation) -> bool {
         }
         _ => return false,
     };
-    match (chance * 9.0) as usize % 3 {
+    match fault.coordinate() {
         0 => record.x_m = bad,
         1 => record.y_m = bad,
         _ => record.theta_rad = bad,

@@ -1,7 +1,7 @@
 use super::bytes::Bytes;
 use clearway::admission::{Admission, Rejection};
 use clearway::config::SourceConfig;
-use clearway::geometry::Pose;
+use clearway::geometry::{Pose, wrap};
 use clearway::scenario::Scenario;
 use clearway::wire::{ObservationHeader, RobotObservation};
 use std::sync::LazyLock;
@@ -48,8 +48,8 @@ fn sample(bytes: &mut Bytes, now_ns: u64, sequence: u64) -> (u128, ObservationHe
 }
 
 /// Whatever stands in the memory of writers: a pose that is believed is finite, inside the arena, no older
-/// than it may be and no further from the one before than the robot can have driven; what is refused is
-/// counted once.
+/// than it may be and no further from the one before than the robot can have driven and turned; what is
+/// refused is counted once.
 pub fn observation(data: &[u8]) {
     let config = SourceConfig::default();
     let max_age_ns = config.max_age_or_default_ns(PERIOD_NS);
@@ -80,7 +80,10 @@ pub fn observation(data: &[u8]) {
                 let way_m =
                     SCENARIO.limits.speed_mps() * (stamp_ns - at_ns) as f64 * 1e-9 + config.jump_margin_m;
                 // A robot that jumped is believed again once it has been out of sight for some samples.
-                let jumped = (is.position_m - was.position_m).norm() > way_m;
+                let turn_rad = SCENARIO.limits.turn_rate_radps() * (stamp_ns - at_ns) as f64 * 1e-9
+                    + config.turn_margin_rad;
+                let jumped = (is.position_m - was.position_m).norm() > way_m
+                    || wrap(is.theta_rad - was.theta_rad).abs() > turn_rad;
                 assert!(!jumped || admission.rejections().get(Rejection::Jump) >= 5, "{was:?} {is:?}");
             }
             *last = good;
