@@ -79,6 +79,9 @@ pub struct Report {
     pub lost_records: u64,
     /// Samples that could not be loaned or sent to every reader.
     pub send_failures: u64,
+    /// Times that a reader, a writer or a client that joined could not be connected: no file descriptors
+    /// were left, or memory could not be mapped.
+    pub attach_failures: u64,
     /// The kernel.
     pub kernel: String,
     /// The processor.

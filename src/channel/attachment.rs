@@ -129,6 +129,15 @@ impl Attachment {
         }
     }
 
+    /// Times that somebody who joined could not be connected, for all threads of this process: see
+    /// [`Transport::attach_failures`].
+    pub fn attach_failures(&self) -> u64 {
+        match &self.place {
+            Place::Shared(node) => node.attach_failures(),
+            Place::Local { .. } => 0,
+        }
+    }
+
     /// Who is attached now; 0 where a channel does not exist.
     pub fn attached(&self) -> Attached {
         match &self.place {

@@ -1,10 +1,12 @@
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use iceoryx2::node::{DeadNodeView, NodeCleanupFailure, NodeDetails, NodeView};
 use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::port::{DegradationAction, DegradationFn};
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
@@ -55,6 +57,8 @@ pub struct Transport {
     pub(super) settings: ChannelConfig,
     pub(super) iceoryx: Config,
     memory: Option<Arc<Memory>>,
+    /// Of all ports that were made with this and its clones.
+    attach_failures: Arc<AtomicU64>,
 }
 
 impl Transport {
@@ -78,12 +82,34 @@ impl Transport {
         let root = settings.root.to_string_lossy().into_owned();
         let path = Path::new(root.as_bytes()).map_err(|e| location("root", root, &e))?;
         iceoryx.global.set_root_path(&path);
-        Ok(Self { fleet: fleet.to_owned(), settings: settings.clone(), iceoryx, memory: None })
+        Ok(Self {
+            fleet: fleet.to_owned(),
+            settings: settings.clone(),
+            iceoryx,
+            memory: None,
+            attach_failures: Arc::default(),
+        })
     }
 
     /// The same channels inside this process: nothing of them is in shared memory.
     pub(crate) fn in_memory(self, memory: Arc<Memory>) -> Self {
         Self { memory: Some(memory), ..self }
+    }
+
+    /// Times that somebody who joined could not be connected to a port that was made with this or a clone of
+    /// it: no file descriptors were left, or memory could not be mapped. Who is meant is neither heard nor
+    /// served; the port tries again when the next one joins or leaves.
+    pub fn attach_failures(&self) -> u64 {
+        self.attach_failures.load(Ordering::Relaxed)
+    }
+
+    /// What a port does that cannot connect to somebody: it counts, and goes on with the others.
+    fn counting(&self) -> impl DegradationFn + 'static {
+        let failures = Arc::clone(&self.attach_failures);
+        move |_, _: &_| {
+            failures.fetch_add(1, Ordering::Relaxed);
+            DegradationAction::Ignore
+        }
     }
 
     /// The fleet's name.
@@ -379,8 +405,9 @@ impl SharedNode {
             .initial_max_slice_len(robots.max(1))
             .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .set_degradation_handler(self.transport.counting())
             .set_backpressure_handler(move |_| {
-                counter.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                counter.fetch_add(1, Ordering::Relaxed);
                 iceoryx2::port::BackpressureAction::DiscardData
             })
             .create();
@@ -493,6 +520,8 @@ impl SharedNode {
             .initial_max_slice_len(admin::TEXT_MAX)
             .max_loaned_responses_per_request(admin::LOANED)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .set_request_degradation_handler(self.transport.counting())
+            .set_response_degradation_handler(self.transport.counting())
             .create();
         created.map(AdminServer::new).map_err(|e| self.admin_port_error(&e))
     }
@@ -528,6 +557,11 @@ impl SharedNode {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create();
         created.map(AdminPort::new).map_err(|e| self.admin_port_error(&e))
+    }
+
+    /// [`Transport::attach_failures`].
+    pub(super) fn attach_failures(&self) -> u64 {
+        self.transport.attach_failures()
     }
 
     /// Who is attached now; 0 where a channel does not exist.
@@ -585,7 +619,8 @@ impl SharedNode {
         &self,
         service: &Service<ipc::Service, [R], R::Header>,
     ) -> Result<Reader<R>, ChannelError> {
-        let created = service.subscriber_builder().create();
+        let created =
+            service.subscriber_builder().set_degradation_handler(self.transport.counting()).create();
         created
             .map(|port| Reader::new(port, R::CHANNEL.seal(&self.transport.fleet)))
             .map_err(|e| self.port_error::<R>(&e))

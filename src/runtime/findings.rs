@@ -56,6 +56,7 @@ impl Findings {
             workers_hung,
             lost_records: statistics.lost_records,
             send_failures: statistics.send_failures,
+            attach_failures: statistics.attach_failures,
             kernel: report::kernel(),
             cpu: report::cpu(),
         }

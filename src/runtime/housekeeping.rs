@@ -126,6 +126,7 @@ impl Housekeeper {
                 self.say();
                 self.statistics.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
                 self.statistics.admin_panics = self.board.admin_panics.load(Ordering::Relaxed);
+                self.statistics.attach_failures = self.node.attach_failures();
                 self.statistics.corrupt_states = self.board.corrupt_states.load(Ordering::Relaxed);
                 let audit = self.auditor.as_ref().map(Auditor::report);
                 return Findings { accumulator: self.accumulator, statistics: self.statistics, audit };
@@ -258,6 +259,7 @@ impl Housekeeper {
         progress.workers_silent = self.answers.watchdog.silent();
         progress.worker_panics = self.board.worker_panics.load(Ordering::Relaxed);
         progress.admin_panics = self.board.admin_panics.load(Ordering::Relaxed);
+        progress.attach_failures = self.node.attach_failures();
     }
 
     fn chores(&mut self) {
@@ -279,7 +281,8 @@ impl Housekeeper {
 
     /// Logs what is new since the last time.
     pub(super) fn say(&mut self) {
-        self.statistics.log_changes(self.telemetry.discarded(), &self.board);
+        let (discarded, unattached) = (self.telemetry.discarded(), self.node.attach_failures());
+        self.statistics.log_changes(discarded, unattached, &self.board);
     }
 }
 

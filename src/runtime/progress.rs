@@ -45,4 +45,7 @@ pub struct Progress {
     pub worker_panics: u64,
     /// Times that the thread which answers operators panicked; each lost a request.
     pub admin_panics: u64,
+    /// Times that somebody who joined could not be connected: no file descriptors, or memory that could not
+    /// be mapped.
+    pub attach_failures: u64,
 }

@@ -37,6 +37,7 @@ pub(super) struct Statistics {
     pub(super) worker_panics: u64,
     pub(super) admin_panics: u64,
     pub(super) corrupt_states: u64,
+    pub(super) attach_failures: u64,
     logged: Logged,
 }
 
@@ -54,6 +55,7 @@ struct Logged {
     panics: u64,
     corrupt: u64,
     worker_rests: u64,
+    unattached: u64,
 }
 
 impl Statistics {
@@ -82,6 +84,7 @@ impl Statistics {
             worker_panics: 0,
             admin_panics: 0,
             corrupt_states: 0,
+            attach_failures: 0,
             logged: Logged::default(),
         })
     }
@@ -154,7 +157,7 @@ impl Statistics {
     }
 
     /// One line for each kind of trouble that is new since the last call.
-    pub(super) fn log_changes(&mut self, discarded: u64, board: &Board) {
+    pub(super) fn log_changes(&mut self, discarded: u64, unattached: u64, board: &Board) {
         let now = Logged {
             misses: self.deadline_misses,
             fallbacks: self.fallback_commands,
@@ -167,6 +170,7 @@ impl Statistics {
             panics: board.worker_panics.load(Ordering::Relaxed),
             corrupt: board.corrupt_states.load(Ordering::Relaxed),
             worker_rests: board.worker_rests.load(Ordering::Relaxed),
+            unattached,
         };
         let before = std::mem::replace(&mut self.logged, now);
         let tick = self.last.tick;
@@ -194,6 +198,11 @@ impl Statistics {
             now.worker_rests,
             before.worker_rests,
             "workers that rest after repeated panics; their robots stand",
+        );
+        line(
+            now.unattached,
+            before.unattached,
+            "connections that could not be made to who joined: no file descriptors left, or memory that cannot be mapped",
         );
     }
 }

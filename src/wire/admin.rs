@@ -117,7 +117,7 @@ pub struct AdminAnswer {
     pub workers: u32,
     /// Workers that have not answered in time for two periods.
     pub workers_silent: u32,
-    /// Places that the real-time set-up fell short in: lines of the text that `status` answers.
+    /// Lines of the text that `status` answers: where the real-time set-up fell short, and what went wrong since.
     pub degraded: u32,
     /// Readers of `state`, without the daemon's own.
     pub state_readers: u32,
@@ -146,7 +146,7 @@ pub mod admin_flags {
     pub const PAUSED: u32 = 1;
     /// The fleet is stopped, by an operator or by the daemon itself, until that is cleared.
     pub const STOPPED: u32 = 1 << 1;
-    /// The kernel refused a real-time call.
+    /// The kernel refused a real-time call, or what `status` tells went wrong since.
     pub const DEGRADED: u32 = 1 << 2;
     /// All memory is locked.
     pub const MEMORY_LOCKED: u32 = 1 << 3;

@@ -139,6 +139,7 @@ fn health(p: &Progress) -> Vec<String> {
         (p.lost_records, "records lost"),
         (p.worker_panics, "worker panics"),
         (p.admin_panics, "DEGRADED: panics while answering operators"),
+        (p.attach_failures, "DEGRADED: connections that failed"),
         (p.workers_silent as u64, "workers silent"),
     ];
     parts.extend(

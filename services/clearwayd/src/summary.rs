@@ -53,6 +53,7 @@ pub(crate) fn table(report: &Report) -> String {
         (report.audit.map_or(0, |a| a.disagreed + a.not_solved), "audit disagreements"),
         (report.lost_records, "records lost"),
         (report.send_failures, "sends that failed"),
+        (report.attach_failures, "connections that failed"),
         (report.worker_panics, "worker panics"),
         (report.admin_panics, "panics answering operators"),
         (report.corrupt_states, "states that changed in memory"),

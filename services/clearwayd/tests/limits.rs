@@ -84,10 +84,14 @@ fn a_daemon_that_runs_out_of_file_descriptors_goes_on_commanding() {
     // With room again it answers again.
     prlimit(Some(control.id()), Resource::Nofile, before).unwrap();
     let mut admin = client.admin().unwrap().with_timeout(std::time::Duration::from_secs(30));
-    assert_eq!(admin.status().unwrap().figures.worker_panics, 0);
+    let status = admin.status().unwrap();
+    assert_eq!(status.figures.worker_panics, 0);
+    let said = status.degraded.join("\n");
+    assert!(said.contains("could not be connected") && said.contains("LimitNOFILE"), "{said}");
     control.signal(Signal::TERM);
     control.succeed();
     let report = std::fs::read_to_string(world.channel.root.join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!((report["ended_by"].as_str(), report["violations"].as_u64()), (Some("operator"), Some(0)));
+    assert!(report["attach_failures"].as_u64() >= Some(1), "{report}");
 }

@@ -31,6 +31,8 @@ pub(super) struct Facts<'a> {
     pub(super) worker_panics: u64,
     /// Times that the thread which answers panicked.
     pub(super) admin_panics: u64,
+    /// Times that somebody who joined could not be connected.
+    pub(super) attach_failures: u64,
     pub(super) shared: &'a Shared,
 }
 
@@ -42,6 +44,12 @@ impl Facts<'_> {
             lines.push(format!(
                 "the thread that answers operators panicked, times: {}; requests were lost, look at the log",
                 self.admin_panics
+            ));
+        }
+        if self.attach_failures > 0 {
+            lines.push(format!(
+                "somebody who joined could not be connected, times: {}; file descriptors may be short (LimitNOFILE)",
+                self.attach_failures
             ));
         }
         lines
@@ -89,7 +97,7 @@ impl Facts<'_> {
             unseen: count(progress.unseen),
             workers: count(self.shared.workers),
             workers_silent: count(progress.workers_silent),
-            degraded: count(self.shared.realtime.degraded.len() + usize::from(self.admin_panics > 0)),
+            degraded: count(self.degraded().len()),
             // The workers read the states as well.
             state_readers: count(attached.state_readers.saturating_sub(self.shared.workers)),
             command_readers: count(attached.command_readers),
@@ -112,7 +120,7 @@ impl Facts<'_> {
         [
             (self.hold & state_flags::PAUSED != 0, admin_flags::PAUSED),
             (self.hold & state_flags::STOPPED != 0, admin_flags::STOPPED),
-            (!realtime.degraded.is_empty() || self.admin_panics > 0, admin_flags::DEGRADED),
+            (!self.degraded().is_empty(), admin_flags::DEGRADED),
             (realtime.memory_locked, admin_flags::MEMORY_LOCKED),
             (observed, admin_flags::OBSERVED),
             (self.shared.until == Until::Arrived, admin_flags::ENDS_ON_ARRIVAL),

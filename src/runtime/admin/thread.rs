@@ -409,6 +409,7 @@ impl<C: Clock> Admin<C> {
             now_ns: self.clock.now_ns(),
             worker_panics: self.shared.board.worker_panics.load(Ordering::Relaxed),
             admin_panics: self.shared.board.admin_panics.load(Ordering::Relaxed),
+            attach_failures: self.node.attach_failures(),
             shared: &self.shared,
         }
     }
