@@ -12,13 +12,14 @@
 #![expect(clippy::too_many_arguments, reason = "what a rule reads, and what it remembers")]
 
 use super::Params;
-use super::others::ROUNDING;
 use super::predict::{Predictions, align};
 use super::scene::Scene;
 use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView, Plan};
 use super::{bypass, roundabout};
 use crate::geometry::{Vec2, rotate, unit};
 
+/// Share by which a square is enlarged so that rounding cannot lose a neighbour.
+const ROUNDING: f64 = 1e-9;
 /// Least share of `parked_margin_m` after long going around.
 const PATIENCE_MIN: f64 = 0.05;
 /// This near to its target a robot in a crowd decides every time.

@@ -1,19 +1,21 @@
 //! Candidates that go side by side: one number of each in a wide register.
+//!
+//! Seen from where the robot is now, in single precision, as the neighbours (`others`).
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 
 use super::others::{Area, least, most};
-use crate::geometry::Vec2;
 
 /// Candidates that go side by side.
-pub(super) const WIDTH: usize = 8;
+pub(super) const WIDTH: usize = 16;
 /// One number for each of them.
-pub(super) type Wide = [f64; WIDTH];
+pub(super) type Wide = [f32; WIDTH];
 
 /// One of all the numbers: half of them against the other half, and so on.
 #[inline(always)]
-fn reduce(wide: &Wide, choose: impl Fn(f64, f64) -> f64) -> f64 {
-    let four: [f64; WIDTH / 2] = std::array::from_fn(|i| choose(wide[i], wide[i + WIDTH / 2]));
+fn reduce(wide: &Wide, choose: impl Fn(f32, f32) -> f32) -> f32 {
+    let eight: [f32; WIDTH / 2] = std::array::from_fn(|i| choose(wide[i], wide[i + WIDTH / 2]));
+    let four: [f32; WIDTH / 4] = std::array::from_fn(|i| choose(eight[i], eight[i + WIDTH / 4]));
     choose(choose(four[0], four[2]), choose(four[1], four[3]))
 }
 
@@ -27,17 +29,16 @@ pub(super) struct Motion {
 }
 
 impl Motion {
+    /// Where those are that go on: the others have infinity in `gone`, these 0.
     #[inline(always)]
-    pub(super) fn area(&self) -> Area {
+    pub(super) fn area(&self, gone: &Wide) -> Area {
+        let add = |wide: &Wide| std::array::from_fn(|lane| wide[lane] + gone[lane]);
+        let take = |wide: &Wide| std::array::from_fn(|lane| wide[lane] - gone[lane]);
         Area {
-            min: Vec2::new(reduce(&self.x, least), reduce(&self.y, least)),
-            max: Vec2::new(reduce(&self.x, most), reduce(&self.y, most)),
-        }
-    }
-
-    pub(super) fn repeat(&mut self, from: usize, to: usize) {
-        for wide in [&mut self.x, &mut self.y, &mut self.hx, &mut self.hy] {
-            wide[to] = wide[from];
+            min_x: reduce(&add(&self.x), least),
+            min_y: reduce(&add(&self.y), least),
+            max_x: reduce(&take(&self.x), most),
+            max_y: reduce(&take(&self.y), most),
         }
     }
 }
@@ -46,7 +47,6 @@ impl Motion {
 pub(super) struct Row {
     pub(super) count: usize,
     pub(super) rank: [usize; WIDTH],
-    pub(super) heading_rad: Wide,
     pub(super) direction_x: Wide,
     pub(super) direction_y: Wide,
     pub(super) share: Wide,
@@ -59,26 +59,18 @@ impl Row {
         Self {
             count: 0,
             rank: [0; WIDTH],
-            heading_rad: none,
             direction_x: none,
             direction_y: none,
-            share: none,
+            share: [1.0; WIDTH],
             cost: none,
         }
     }
 
-    pub(super) fn push(&mut self, rank: usize, heading_rad: f64, direction: Vec2, share: f64, base: f64) {
+    pub(super) fn push(&mut self, rank: usize, (x, y): (f32, f32), share: f32, base: f32) {
         let lane = self.count;
-        (self.rank[lane], self.heading_rad[lane]) = (rank, heading_rad);
-        (self.direction_x[lane], self.direction_y[lane]) = (direction.x, direction.y);
+        self.rank[lane] = rank;
+        (self.direction_x[lane], self.direction_y[lane]) = (x, y);
         (self.share[lane], self.cost[lane]) = (share, base);
         self.count += 1;
-    }
-
-    /// Makes one lane do what another does.
-    pub(super) fn repeat(&mut self, from: usize, to: usize) {
-        for wide in [&mut self.direction_x, &mut self.direction_y, &mut self.share] {
-            wide[to] = wide[from];
-        }
     }
 }

@@ -1,21 +1,24 @@
 //! The predicted positions of a robot's neighbours side by side, so that all of them are looked at in one go.
 //!
+//! Seen from where the robot is now, in single precision: what is 10 m away is known to a micrometre.
+//!
 //! Few neighbours matter in any one step of a candidate. [`Others`] tells which, for all candidates at once, and some too
 //! many rather than one too few; what they cost is then worked out for each.
 
 #![expect(clippy::inline_always, reason = "compiled for the caller's registers only as a part of it")]
 
+use super::Params;
 use super::predict::{Path, STEPS};
 use super::types::NEIGHBOURS_MAX;
 use crate::geometry::Vec2;
 
 /// One number for each neighbour.
-pub(super) type Lanes = [f64; NEIGHBOURS_MAX];
+pub(super) type Lanes = [f32; NEIGHBOURS_MAX];
 
 /// A lane without a neighbour is this far away, m: nothing reaches it.
-const NOWHERE_M: f64 = 1e12;
+const NOWHERE_M: f32 = 1e12;
 /// Share by which a square is enlarged so that rounding cannot lose a neighbour.
-pub(super) const ROUNDING: f64 = 1e-9;
+const ROUNDING: f32 = 1e-4;
 
 /// Paths of the neighbours, and the distances at which they matter.
 #[derive(Debug, Clone)]
@@ -25,8 +28,10 @@ pub(super) struct Others {
     y_m: [Lanes; STEPS + 1],
     /// Distance to keep, m.
     pub(super) required_m: Lanes,
-    /// Within this beyond it closeness costs, m.
-    pub(super) margin_m: Lanes,
+    /// One over the distance beyond it within which closeness costs, 1/m.
+    pub(super) per_margin: Lanes,
+    /// What overlap costs, s/m.
+    pub(super) overlap_s: Lanes,
     /// Nearer than the root of this it slows others down, m².
     pub(super) slow_m2: Lanes,
     close_m2: Lanes,
@@ -50,19 +55,28 @@ impl Iterator for Which {
 /// An upright rectangle, m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Area {
-    pub(super) min: Vec2,
-    pub(super) max: Vec2,
+    pub(super) min_x: f32,
+    pub(super) min_y: f32,
+    pub(super) max_x: f32,
+    pub(super) max_y: f32,
 }
 
-/// The smaller one, as one instruction; of finite numbers what `f64::min` gives.
+/// In single precision.
 #[inline(always)]
-pub(super) fn least(a: f64, b: f64) -> f64 {
+#[expect(clippy::cast_possible_truncation, reason = "to the nearest")]
+pub(super) fn single(a: f64) -> f32 {
+    a as f32
+}
+
+/// The smaller one, as one instruction; `b` where one of them is no number.
+#[inline(always)]
+pub(super) fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The larger one, as one instruction.
+/// The larger one, as one instruction; `b` where one of them is no number.
 #[inline(always)]
-pub(super) fn most(a: f64, b: f64) -> f64 {
+pub(super) fn most(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
@@ -72,21 +86,25 @@ impl Others {
             x_m: [[NOWHERE_M; NEIGHBOURS_MAX]; STEPS + 1],
             y_m: [[NOWHERE_M; NEIGHBOURS_MAX]; STEPS + 1],
             required_m: [0.0; NEIGHBOURS_MAX],
-            margin_m: [0.0; NEIGHBOURS_MAX],
+            per_margin: [0.0; NEIGHBOURS_MAX],
+            overlap_s: [0.0; NEIGHBOURS_MAX],
             slow_m2: [0.0; NEIGHBOURS_MAX],
             close_m2: [0.0; NEIGHBOURS_MAX],
             count: 0,
         }
     }
 
-    /// Adds a neighbour; it slows down whoever is nearer than `slow_m`.
-    pub(super) fn push(&mut self, start: Vec2, path: &Path, required_m: f64, margin_m: f64, slow_m: f64) {
+    /// Adds a neighbour that stands `offset` from the robot; it slows down whoever is nearer than `slow_m`.
+    pub(super) fn push(&mut self, offset: Vec2, path: &Path, distances_m: [f64; 3], params: &Params) {
         let lane = self.count;
-        (self.x_m[0][lane], self.y_m[0][lane]) = (start.x, start.y);
+        let (x, y) = (single(offset.x), single(offset.y));
+        (self.x_m[0][lane], self.y_m[0][lane]) = (x, y);
         for k in 0..STEPS {
-            (self.x_m[k + 1][lane], self.y_m[k + 1][lane]) = (path.x_m[k], path.y_m[k]);
+            (self.x_m[k + 1][lane], self.y_m[k + 1][lane]) = (x + path.x_m[k], y + path.y_m[k]);
         }
-        (self.required_m[lane], self.margin_m[lane]) = (required_m, margin_m);
+        let [required_m, margin_m, slow_m] = distances_m.map(single);
+        (self.required_m[lane], self.per_margin[lane]) = (required_m, 1.0 / margin_m);
+        self.overlap_s[lane] = single(params.overlap_weight) / required_m;
         let close_m = required_m + margin_m;
         self.slow_m2[lane] = slow_m * slow_m;
         self.close_m2[lane] = close_m * close_m * (1.0 + ROUNDING);
@@ -95,8 +113,8 @@ impl Others {
 
     /// Where the neighbour of a lane is when step `k` begins.
     #[inline(always)]
-    pub(super) fn at(&self, k: usize, lane: usize) -> Vec2 {
-        Vec2::new(self.x_m[k][lane], self.y_m[k][lane])
+    pub(super) fn at(&self, k: usize, lane: usize) -> (f32, f32) {
+        (self.x_m[k][lane], self.y_m[k][lane])
     }
 
     /// Those that may slow a robot in `area` when step `k` begins: all that do, and some that do not.
@@ -106,8 +124,8 @@ impl Others {
         let mut which = 0;
         for lane in 0..NEIGHBOURS_MAX {
             // Rounding keeps the order of numbers, so nobody in the area is nearer than its nearest point.
-            let dx = most(most(area.min.x - x[lane], x[lane] - area.max.x), 0.0);
-            let dy = most(most(area.min.y - y[lane], y[lane] - area.max.y), 0.0);
+            let dx = most(most(area.min_x - x[lane], x[lane] - area.max_x), 0.0);
+            let dy = most(most(area.min_y - y[lane], y[lane] - area.max_y), 0.0);
             which |= u32::from(dx * dx + dy * dy <= self.slow_m2[lane]) << lane;
         }
         Which(which)
@@ -121,10 +139,10 @@ impl Others {
         let mut which = 0;
         for lane in 0..NEIGHBOURS_MAX {
             // Seen from the neighbour, the way lies in the rectangle around both of its ends.
-            let min_x = least(from.min.x - x0[lane], to.min.x - x1[lane]);
-            let max_x = most(from.max.x - x0[lane], to.max.x - x1[lane]);
-            let min_y = least(from.min.y - y0[lane], to.min.y - y1[lane]);
-            let max_y = most(from.max.y - y0[lane], to.max.y - y1[lane]);
+            let min_x = least(from.min_x - x0[lane], to.min_x - x1[lane]);
+            let max_x = most(from.max_x - x0[lane], to.max_x - x1[lane]);
+            let min_y = least(from.min_y - y0[lane], to.min_y - y1[lane]);
+            let max_y = most(from.max_y - y0[lane], to.max_y - y1[lane]);
             let (dx, dy) = (most(most(min_x, -max_x), 0.0), most(most(min_y, -max_y), 0.0));
             which |= u32::from(dx * dx + dy * dy < self.close_m2[lane]) << lane;
         }
@@ -142,39 +160,44 @@ mod tests {
         #[test]
         fn all_who_matter_are_named(
             starts in prop::collection::vec((-3.0..3.0f64, -3.0..3.0f64, -1.0..1.0f64, -1.0..1.0f64), 0..=16),
-            x in -2.0..2.0f64, y in -2.0..2.0f64, dx in -0.8..0.8f64, dy in -0.8..0.8f64, k in 0..STEPS,
-            width in 0.0..1.0f64,
+            x in -2.0..2.0f32, y in -2.0..2.0f32, dx in -0.8..0.8f32, dy in -0.8..0.8f32, k in 0..STEPS,
+            width in 0.0..1.0f32,
         ) {
-            let (required_m, margin_m, slow_m) = (0.45, 0.388, 0.87);
+            let (required_m, slow_m) = (0.45f32, 0.87f32);
+            let params = Params::default();
+            let margin_m = single(params.prox_margin_m);
             let mut others = Others::none();
-            let mut paths = Vec::new();
+            let count = starts.len();
             for (x, y, vx, vy) in starts {
-                let start = Vec2::new(x, y);
                 let path = Path {
-                    x_m: std::array::from_fn(|k| x + vx * (0.16 * (k + 1) as f64)),
-                    y_m: std::array::from_fn(|k| y + vy * (0.16 * (k + 1) as f64)),
+                    x_m: std::array::from_fn(|k| single(vx * (0.16 * (k + 1) as f64))),
+                    y_m: std::array::from_fn(|k| single(vy * (0.16 * (k + 1) as f64))),
                 };
-                others.push(start, &path, required_m, margin_m, slow_m);
-                paths.push((start, path));
+                others.push(Vec2::new(x, y), &path, [0.45, params.prox_margin_m, 0.87], &params);
             }
-            let (p, next) = (Vec2::new(x, y), Vec2::new(x + dx, y + dy));
-            let end = |path: &Path, k: usize| Vec2::new(path.x_m[k], path.y_m[k]);
-            let before = |(start, path): &(Vec2, Path)| if k == 0 { *start } else { end(path, k - 1) };
+            let (p, next) = ((x, y), (x + dx, y + dy));
             // An area around each end, with the end in one of its corners.
-            let area = |p: Vec2| Area { min: p, max: p + Vec2::new(width, width) };
-            let slowing: Vec<usize> = others.slowing(&area(p), k).collect();
-            let near = |lane: &usize| (p - before(&paths[*lane])).norm_squared() <= slow_m * slow_m;
-            let all_slowing = (0..paths.len()).filter(near).collect::<Vec<_>>();
+            let area = |p: (f32, f32), width: f32| {
+                Area { min_x: p.0, min_y: p.1, max_x: p.0 + width, max_y: p.1 + width }
+            };
+            let slowing: Vec<usize> = others.slowing(&area(p, width), k).collect();
+            let from = |p: (f32, f32), k: usize, lane: usize| (p.0 - others.at(k, lane).0, p.1 - others.at(k, lane).1);
+            let near = |lane: &usize| {
+                let (x, y) = from(p, k, *lane);
+                x * x + y * y <= slow_m * slow_m
+            };
+            let all_slowing = (0..count).filter(near).collect::<Vec<_>>();
             prop_assert!(slowing.is_sorted() && all_slowing.iter().all(|lane| slowing.contains(lane)));
             // In a single point nobody is named without reason.
-            let point = Area { min: p, max: p };
-            prop_assert_eq!(others.slowing(&point, k).collect::<Vec<_>>(), all_slowing);
-            let passing: Vec<usize> = others.passing(&area(p), &area(next), k).collect();
-            prop_assert!(passing.is_sorted() && passing.iter().all(|lane| *lane < paths.len()));
-            for (lane, path) in paths.iter().enumerate() {
-                let (from, to) = (p - before(path), next - end(&path.1, k));
+            prop_assert_eq!(others.slowing(&area(p, 0.0), k).collect::<Vec<_>>(), all_slowing);
+            let passing: Vec<usize> = others.passing(&area(p, width), &area(next, width), k).collect();
+            prop_assert!(passing.is_sorted() && passing.iter().all(|lane| *lane < count));
+            for lane in 0..count {
+                let wide = |(x, y): (f32, f32)| Vec2::new(f64::from(x), f64::from(y));
+                let (from, to) = (wide(from(p, k, lane)), wide(from(next, k + 1, lane)));
                 let apart = crate::geometry::closest_point_on_segment(Vec2::zeros(), from, to).norm();
-                prop_assert!(apart >= required_m + margin_m || passing.contains(&lane), "{lane} {apart}");
+                let close_m = f64::from(required_m + margin_m);
+                prop_assert!(apart >= close_m || passing.contains(&lane), "{lane} {apart}");
             }
         }
     }

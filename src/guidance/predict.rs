@@ -8,20 +8,18 @@
 
 use super::Params;
 use super::lanes::{WIDTH, Wide};
-use super::others::{least, most};
+use super::others::{least, most, single};
 use super::types::{Limits, Neighbour};
 use crate::geometry::unit;
-#[cfg(test)]
-use crate::geometry::{Vec2, rotate};
 
 /// Steps of the prediction.
 pub(super) const STEPS: usize = 16;
 
-/// Positions at the ends of the steps, m.
+/// Positions at the ends of the steps, seen from where the robot is now, m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Path {
-    pub(super) x_m: [f64; STEPS],
-    pub(super) y_m: [f64; STEPS],
+    pub(super) x_m: [f32; STEPS],
+    pub(super) y_m: [f32; STEPS],
 }
 
 /// The predictions of one period. Made once; neither allocates nor locks afterwards.
@@ -78,26 +76,24 @@ pub(super) fn align(cos: f64, params: &Params) -> f64 {
 /// The largest turn in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turn {
-    pub(super) cos: f64,
-    pub(super) sin: f64,
+    pub(super) cos: f32,
+    pub(super) sin: f32,
 }
 
 impl Turn {
     pub(super) fn new(limits: &Limits, params: &Params) -> Self {
         let (sin, cos) = libm::sincos(limits.omega_max_radps * params.step_s);
-        Self { cos, sin }
+        Self { cos: single(cos), sin: single(sin) }
     }
 
     /// `h` turned toward the unit vector `to` by at most one step.
     #[cfg(test)]
-    pub(super) fn toward(&self, h: Vec2, to: Vec2) -> Vec2 {
-        if h.dot(&to) >= self.cos {
-            to
-        } else if h.perp(&to) >= 0.0 {
-            rotate(h, self.cos, self.sin)
-        } else {
-            rotate(h, self.cos, -self.sin)
+    pub(super) fn toward(&self, (x, y): (f32, f32), (to_x, to_y): (f32, f32)) -> (f32, f32) {
+        if x * to_x + y * to_y >= self.cos {
+            return (to_x, to_y);
         }
+        let sin = if x * to_y - y * to_x >= 0.0 { self.sin } else { -self.sin };
+        (x * self.cos - y * sin, x * sin + y * self.cos)
     }
 }
 
@@ -106,8 +102,6 @@ impl Turn {
 struct Row {
     count: usize,
     index: [usize; WIDTH],
-    x_m: Wide,
-    y_m: Wide,
     hx: Wide,
     hy: Wide,
     published_x: Wide,
@@ -123,8 +117,6 @@ impl Row {
         Self {
             count: 0,
             index: [0; WIDTH],
-            x_m: none,
-            y_m: none,
             hx: none,
             hy: none,
             published_x: none,
@@ -138,14 +130,14 @@ impl Row {
     fn push(&mut self, n: &Neighbour, params: &Params) {
         let lane = self.count;
         self.index[lane] = n.index;
-        (self.x_m[lane], self.y_m[lane]) = (n.position_m.x, n.position_m.y);
         let (heading, published) = (unit(n.heading_rad), unit(n.intent.heading_rad));
-        (self.hx[lane], self.hy[lane]) = (heading.x, heading.y);
-        (self.published_x[lane], self.published_y[lane]) = (published.x, published.y);
-        (self.target_x_m[lane], self.target_y_m[lane]) = (n.intent.target_m.x, n.intent.target_m.y);
+        let to = n.intent.target_m - n.position_m;
+        (self.hx[lane], self.hy[lane]) = (single(heading.x), single(heading.y));
+        (self.published_x[lane], self.published_y[lane]) = (single(published.x), single(published.y));
+        (self.target_x_m[lane], self.target_y_m[lane]) = (single(to.x), single(to.y));
         // One that has arrived stays.
         self.speed_mps[lane] =
-            if n.arrived { 0.0 } else { n.intent.speed_mps.max(params.other_speed_min_mps) };
+            if n.arrived { 0.0 } else { single(n.intent.speed_mps.max(params.other_speed_min_mps)) };
         self.count += 1;
     }
 
@@ -198,25 +190,27 @@ impl Row {
     /// The positions at the ends of the steps, m.
     #[inline(always)]
     fn steps_of_all(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
-        let dt = params.step_s;
-        let (mut x, mut y, mut hx, mut hy) = (self.x_m, self.y_m, self.hx, self.hy);
+        let (dt, hold_s) = (single(params.step_s), single(params.hold_s));
+        let (align_cos, per_align) = (single(params.align_cos), single(1.0 / (1.0 - params.align_cos)));
+        let (mut x, mut y, mut hx, mut hy) = ([0.0; WIDTH], [0.0; WIDTH], self.hx, self.hy);
         let (mut xs, mut ys) = ([[0.0; WIDTH]; STEPS], [[0.0; WIDTH]; STEPS]);
         let mut time = 0.0;
         for k in 0..STEPS {
-            let hold = time < params.hold_s;
+            let hold = time < hold_s;
             for lane in 0..WIDTH {
                 let (to_x, to_y) = (self.target_x_m[lane] - x[lane], self.target_y_m[lane] - y[lane]);
                 let left = (to_x * to_x + to_y * to_y).sqrt();
                 let steered = hold | (left < 1e-6);
-                let aim_x = if steered { self.published_x[lane] } else { to_x / left };
-                let aim_y = if steered { self.published_y[lane] } else { to_y / left };
+                let per_m = 1.0 / left;
+                let aim_x = if steered { self.published_x[lane] } else { to_x * per_m };
+                let aim_y = if steered { self.published_y[lane] } else { to_y * per_m };
                 let (hx0, hy0) = (hx[lane], hy[lane]);
                 let near = hx0 * aim_x + hy0 * aim_y >= turn.cos;
                 let sin = if hx0 * aim_y - hy0 * aim_x >= 0.0 { turn.sin } else { -turn.sin };
                 let hx1 = if near { aim_x } else { hx0 * turn.cos - hy0 * sin };
                 let hy1 = if near { aim_y } else { hx0 * sin + hy0 * turn.cos };
                 (hx[lane], hy[lane]) = (hx1, hy1);
-                let share = (hx1 * aim_x + hy1 * aim_y - params.align_cos) / (1.0 - params.align_cos);
+                let share = (hx1 * aim_x + hy1 * aim_y - align_cos) * per_align;
                 let share = least(most(share, 0.0), 1.0);
                 let travel = least(self.speed_mps[lane] * share * dt, left);
                 x[lane] += hx1 * travel;
@@ -232,26 +226,32 @@ impl Row {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vec2;
     use crate::guidance::types::Intent;
     use proptest::prelude::*;
 
     /// One robot by itself, as the rule says it.
     fn predict(n: &Neighbour, turn: Turn, params: &Params) -> Path {
-        let mut path = Path { x_m: [n.position_m.x; STEPS], y_m: [n.position_m.y; STEPS] };
+        let mut path = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
         if n.arrived {
             return path;
         }
-        let dt = params.step_s;
-        let published = unit(n.intent.heading_rad);
-        let speed = n.intent.speed_mps.max(params.other_speed_min_mps);
-        let (mut p, mut h, mut time) = (n.position_m, unit(n.heading_rad), 0.0);
+        let both = |v: Vec2| (single(v.x), single(v.y));
+        let (dt, hold_s) = (single(params.step_s), single(params.hold_s));
+        let (target, published) = (both(n.intent.target_m - n.position_m), both(unit(n.intent.heading_rad)));
+        let speed = single(n.intent.speed_mps.max(params.other_speed_min_mps));
+        let (mut x, mut y, mut h, mut time) = (0.0, 0.0, both(unit(n.heading_rad)), 0.0);
         for k in 0..STEPS {
-            let to = n.intent.target_m - p;
-            let left = to.norm();
-            let aim = if time < params.hold_s || left < 1e-6 { published } else { to / left };
+            let to = (target.0 - x, target.1 - y);
+            let left = (to.0 * to.0 + to.1 * to.1).sqrt();
+            let per_m = 1.0 / left;
+            let aim = if time < hold_s || left < 1e-6 { published } else { (to.0 * per_m, to.1 * per_m) };
             h = turn.toward(h, aim);
-            p += h * (speed * align(h.dot(&aim), params) * dt).min(left);
-            (path.x_m[k], path.y_m[k]) = (p.x, p.y);
+            let share = (h.0 * aim.0 + h.1 * aim.1 - single(params.align_cos))
+                * single(1.0 / (1.0 - params.align_cos));
+            let travel = (speed * share.clamp(0.0, 1.0) * dt).min(left);
+            (x, y) = (x + h.0 * travel, y + h.1 * travel);
+            (path.x_m[k], path.y_m[k]) = (x, y);
             time += dt;
         }
         path
