@@ -40,7 +40,8 @@ type Ready = Box<dyn Fn(&Board, u64) -> bool + Send + Sync>;
 /// What goes wrong in a worker's n-th period.
 type Fault = Arc<dyn Fn(u64, &Range<usize>) + Send + Sync>;
 
-/// A clock whose deadline comes when the workers are done; work takes no time unless somebody lets it pass.
+/// A clock whose deadline comes when the workers are done, and the next period when the reader has seen this
+/// one; work takes no time unless somebody lets it pass.
 #[derive(Clone)]
 struct Lockstep(Arc<LockstepState>);
 
@@ -49,6 +50,8 @@ struct LockstepState {
     schedule: Schedule,
     board: Arc<Board>,
     ready: Ready,
+    /// Periods that the reader has seen the state of.
+    seen: Arc<AtomicU64>,
 }
 
 impl Lockstep {
@@ -58,6 +61,14 @@ impl Lockstep {
             std::thread::sleep(std::time::Duration::from_micros(50));
         }
         self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel);
+    }
+
+    /// Periods that take no time would otherwise be over before a reader that has to wait for a CPU has taken
+    /// the first of them, and it would miss what its queue does not hold.
+    fn wait_for_the_reader(&self, tick: u64) {
+        while self.0.seen.load(Ordering::Acquire) <= tick {
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
     }
 }
 
@@ -71,7 +82,12 @@ impl Clock for Lockstep {
             Released::Tick(tick) if wake_ns == self.0.schedule.deadline_ns(tick) => {
                 self.pass_deadline(tick, wake_ns);
             }
-            _ => _ = self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel),
+            released => {
+                if let Released::Tick(tick) = released {
+                    self.wait_for_the_reader(tick);
+                }
+                self.0.now_ns.fetch_max(wake_ns, Ordering::AcqRel);
+            }
         }
     }
 
@@ -137,7 +153,9 @@ impl Rig {
             begin: Begin::default(),
             clock: SlowedClock::default(),
         };
-        let state = LockstepState { now_ns, schedule, board: Arc::clone(&board), ready };
+        let periods_seen = Arc::new(AtomicU64::new(0));
+        let seen = Arc::clone(&periods_seen);
+        let state = LockstepState { now_ns, schedule, board: Arc::clone(&board), ready, seen };
         let clock = Lockstep(Arc::new(state));
         let (watching, watched) = std::sync::mpsc::channel();
         std::thread::scope(|scope| {
@@ -165,7 +183,8 @@ impl Rig {
             }
             let watcher = {
                 let (board, transport) = (Arc::clone(&board), transport.clone());
-                scope.spawn(move || watch(&transport.attach("watcher").unwrap(), &board, &watching))
+                let node = move || transport.attach("watcher").unwrap();
+                scope.spawn(move || watch(&node(), &board, &watching, &periods_seen))
             };
             watched.recv().unwrap();
             let mut control_loop = ControlLoop {
@@ -191,7 +210,12 @@ impl Rig {
     }
 }
 
-fn watch(node: &Attachment, board: &Board, watching: &std::sync::mpsc::Sender<()>) -> Seen {
+fn watch(
+    node: &Attachment,
+    board: &Board,
+    watching: &std::sync::mpsc::Sender<()>,
+    periods_seen: &AtomicU64,
+) -> Seen {
     let (mut states, mut commands): (StateReader, CommandReader) =
         (node.reader().unwrap(), node.reader().unwrap());
     watching.send(()).unwrap();
@@ -201,6 +225,7 @@ fn watch(node: &Attachment, board: &Board, watching: &std::sync::mpsc::Sender<()
         over = board.released(None) == Released::Over;
         while let Some(sample) = states.next().unwrap() {
             seen.states.push((*sample.header(), sample.robots().to_vec()));
+            periods_seen.store(sample.header().tick + 1, Ordering::Release);
         }
         while let Some(sample) = commands.next().unwrap() {
             seen.commands.push((*sample.header(), sample.robots().to_vec()));
