@@ -23,6 +23,7 @@
 //! | step | module |
 //! |---|---|
 //! | exact unicycle arcs, angles, continuous-time distance | [`geometry`] |
+//! | memory asked for before it is needed | [`cache`] |
 //! | robots, inputs, limits, obstacles | [`model`] |
 //! | the records that cross shared memory | [`wire`] |
 //! | settings read so that errors name file, line and key | [`document`] |
@@ -66,6 +67,7 @@ pub mod actuation;
 pub mod admission;
 pub mod attach;
 pub mod audit;
+pub mod cache;
 pub mod certificate;
 pub mod channel;
 pub mod clock;

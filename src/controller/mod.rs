@@ -36,6 +36,10 @@ use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotT
 use robot::RobotController;
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
+
+/// So many robots ahead of the one that decides, memory is asked for.
+const AHEAD: usize = 2;
 
 /// When a command acts, seen from the state that it answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -369,11 +373,18 @@ impl RobotGroup {
         if !self.prepare(fleet, timing) {
             return;
         }
+        // One robot's step begins where that of the one before ended.
+        let mut clock = Instant::now();
         for at in region {
-            let Some(&index) = self.workspace.around.order().get(at) else { return };
+            let order = self.workspace.around.order();
+            let Some(&index) = order.get(at) else { return };
+            if let Some(&later) = order.get(at + AHEAD) {
+                robots.expect(later as usize);
+            }
             robots.with(index as usize, tick, |robot| {
                 remember(robot.index(), robot.checkpoint());
-                each(robot.index(), &robot.decide(&self.law, &self.predicted, &mut self.workspace));
+                let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
+                each(robot.index(), &decision);
             });
         }
     }
@@ -428,8 +439,9 @@ impl RobotGroup {
         if !self.prepare(fleet, timing) {
             return;
         }
+        let mut clock = Instant::now();
         for robot in &mut self.owned {
-            let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace);
+            let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
             each(robot.index(), &decision, &self.workspace.programme);
         }
     }

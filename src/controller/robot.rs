@@ -19,7 +19,7 @@ use crate::wire::{
     RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason,
     checkpoint_flags, state_flags, telemetry_flags,
 };
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A solution with a larger scaled KKT residual never becomes a command.
 const KKT_TOLERANCE: f64 = 1e-6;
@@ -221,9 +221,14 @@ impl RobotController {
         true
     }
 
-    /// The whole step for one period.
-    pub(super) fn decide(&mut self, law: &Law, fleet: &[RobotState], work: &mut Workspace) -> Decision {
-        let started = Instant::now();
+    /// The whole step for one period, begun at `clock`, which afterwards says when it ended.
+    pub(super) fn decide(
+        &mut self,
+        law: &Law,
+        fleet: &[RobotState],
+        work: &mut Workspace,
+        clock: &mut Instant,
+    ) -> Decision {
         let own = &fleet[self.index];
         let current = self.follow(law, own, work.shelf.as_deref());
         let mut telemetry =
@@ -243,7 +248,8 @@ impl RobotController {
         };
         telemetry.stop_reason = command.stop_reason;
         (telemetry.v_mps, telemetry.omega_radps) = (command.v_mps, command.omega_radps);
-        telemetry.step_ns = nanoseconds(started);
+        let ended = Instant::now();
+        telemetry.step_ns = nanoseconds(ended - std::mem::replace(clock, ended));
         Decision { command, intent: self.last_intent, telemetry }
     }
 
@@ -293,7 +299,7 @@ impl RobotController {
 
         let started = Instant::now();
         let outcome = work.solver.solve(programme, &mut work.solution);
-        telemetry.solve_ns = nanoseconds(started);
+        telemetry.solve_ns = nanoseconds(started.elapsed());
         if outcome != Outcome::Solved {
             telemetry.status = SolveStatus::Failed as u32;
             return Err(StopReason::Solver);
@@ -447,9 +453,9 @@ fn clearance(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> f64
     near.iter().map(to).fold(f64::INFINITY, f64::min)
 }
 
-/// Time since `started`, ns. The clock is read through the vDSO: no system call.
-fn nanoseconds(started: Instant) -> u64 {
-    u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX)
+/// A time between two readings of the clock, which is read through the vDSO: no system call.
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
 #[cfg(test)]

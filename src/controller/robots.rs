@@ -2,25 +2,23 @@
 
 use super::robot::RobotController;
 use super::{ControllerError, Law};
+use crate::cache;
 use crate::config::Config;
 use crate::wire::RobotState;
-use crossbeam::atomic::AtomicCell;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, TryLockError};
 
 /// One controller for each place of a fleet, common to its workers.
 ///
-/// A worker takes a robot's controller out, decides, and puts it back: two exchanges of a pointer, and no
-/// lock. While it is out nobody else finds it, so that a worker that is late can disturb nobody: a robot
-/// whose controller is away goes without an answer in this period, and stands.
+/// A worker tries the seat of a robot, decides, and leaves it: two atomic exchanges. Nobody ever waits for a
+/// seat, so that a worker that is late can disturb nobody: a robot whose controller is taken goes without an
+/// answer in this period, and stands. All of them lie in one piece of memory.
 pub struct Robots {
     seats: Vec<Seat>,
 }
 
-struct Seat {
-    robot: AtomicCell<Option<Box<Occupant>>>,
-    /// A panic took it along.
-    lost: AtomicBool,
-}
+/// Poisoned once a panic has left the controller half changed. Begins a line of the cache.
+#[repr(align(64))]
+struct Seat(Mutex<Occupant>);
 
 struct Occupant {
     robot: RobotController,
@@ -32,45 +30,45 @@ impl Robots {
     /// The controllers of all places of `config`, at their starts.
     pub fn new(config: &Config) -> Self {
         let law = Law::new(config);
-        let seat = |index| Seat {
-            robot: AtomicCell::new(Some(Box::new(Occupant::at_start(&law, config, index)))),
-            lost: AtomicBool::new(false),
-        };
+        let seat = |index| Seat(Mutex::new(Occupant::at_start(&law, config, index)));
         Self { seats: (0..config.places()).map(seat).collect() }
     }
 
     /// Makes those anew that were lost in a panic; they remember nothing. Allocates.
     pub(super) fn refill(&self, law: &Law, config: &Config) {
-        for (index, seat) in self.seats.iter().enumerate() {
-            if seat.lost.swap(false, Ordering::AcqRel) {
-                seat.robot.store(Some(Box::new(Occupant::at_start(law, config, index))));
+        for (index, Seat(seat)) in self.seats.iter().enumerate() {
+            if let Err(TryLockError::Poisoned(lost)) = seat.try_lock() {
+                *lost.into_inner() = Occupant::at_start(law, config, index);
+                seat.clear_poison();
             }
         }
     }
 
-    /// Lets `decide` have the controller at `index`, unless it is away or has answered `tick` or a later
+    /// Lets `decide` have the controller at `index`, unless it is taken or has answered `tick` or a later
     /// period.
     pub(super) fn with(&self, index: usize, tick: u64, decide: impl FnOnce(&mut RobotController)) {
-        let Some(seat) = self.seats.get(index) else { return };
-        let Some(mut occupant) = seat.robot.take() else { return };
-        let due = occupant.next_tick <= tick;
-        if due {
+        if let Some(mut occupant) = self.take(index).filter(|occupant| occupant.next_tick <= tick) {
             occupant.next_tick = tick + 1;
-        }
-        let mut held = Held { seat, occupant: Some(occupant) };
-        if let Some(occupant) = held.occupant.as_mut().filter(|_| due) {
             decide(&mut occupant.robot);
         }
     }
 
     /// Lets `change` have the controller at `index` if `tick` is the last period that it has answered.
     pub(super) fn undo(&self, index: usize, tick: u64, change: impl FnOnce(&mut RobotController)) {
-        let Some(seat) = self.seats.get(index) else { return };
-        let Some(occupant) = seat.robot.take() else { return };
-        let last = occupant.next_tick == tick + 1;
-        let mut held = Held { seat, occupant: Some(occupant) };
-        if let Some(occupant) = held.occupant.as_mut().filter(|_| last) {
+        if let Some(mut occupant) = self.take(index).filter(|occupant| occupant.next_tick == tick + 1) {
             change(&mut occupant.robot);
+        }
+    }
+
+    /// The controller at `index` if it is there and whole.
+    fn take(&self, index: usize) -> Option<MutexGuard<'_, Occupant>> {
+        self.seats.get(index)?.0.try_lock().ok()
+    }
+
+    /// Says that the controller at `index` will be wanted soon.
+    pub(super) fn expect(&self, index: usize) {
+        if let Some(seat) = self.seats.get(index) {
+            cache::expect(seat);
         }
     }
 
@@ -87,23 +85,6 @@ impl Occupant {
         let robots = &config.scenario.robots;
         let state = robots.get(index).map_or_else(RobotState::vacant, RobotState::at_start);
         Self { robot: RobotController::new(law, &state, index), next_tick: 0 }
-    }
-}
-
-/// Puts the controller back, unless a panic may have left it half changed.
-struct Held<'a> {
-    seat: &'a Seat,
-    occupant: Option<Box<Occupant>>,
-}
-
-impl Drop for Held<'_> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            drop(self.occupant.take());
-            self.seat.lost.store(true, Ordering::Release);
-        } else {
-            self.seat.robot.store(self.occupant.take());
-        }
     }
 }
 

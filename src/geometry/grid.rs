@@ -48,7 +48,10 @@ impl Grid {
     /// Number of the cell along one axis, before it is wrapped.
     #[allow(clippy::cast_possible_truncation)] // saturates, and what is not finite goes to 0
     fn along(&self, x_m: f64) -> i64 {
-        (x_m * self.cells_per_m).floor() as i64
+        let cells = x_m * self.cells_per_m;
+        let towards_0 = cells as i64;
+        // Its floor, without a call where the processor is not known to have an instruction for it.
+        towards_0.saturating_sub(i64::from(towards_0 as f64 > cells))
     }
 
     /// Memory of the cell at (column, row).

@@ -9,9 +9,9 @@
 
 mod rank;
 
-use crate::geometry::{Grid, Vec2};
+use crate::geometry::Grid;
 use crate::wire::{RobotState, state_flags};
-use rank::{RANKED_MAX, ranks};
+use rank::{RANKED_MAX, roots};
 
 /// Another robot of the fleet, seen from one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +33,8 @@ pub struct Surroundings {
     /// Indices of the robots, in the grid's order.
     sorted: Vec<u32>,
     /// Where they are, and who.
-    positions_m: Vec<Vec2>,
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
     ids: Vec<u32>,
     /// As `sorted`, with the free places spread among them.
     order: Vec<u32>,
@@ -47,7 +48,8 @@ impl Surroundings {
             grid: Grid::with_capacity(robots, cell_m),
             taken: indices(),
             sorted: indices(),
-            positions_m: Vec::with_capacity(robots),
+            x_m: Vec::with_capacity(robots),
+            y_m: Vec::with_capacity(robots),
             ids: indices(),
             order: indices(),
         }
@@ -63,10 +65,12 @@ impl Surroundings {
         self.grid.build(self.taken.iter().map(|i| fleet[*i as usize].position_m()));
         self.sorted.clear();
         self.sorted.extend(self.grid.order().iter().map(|at| self.taken[*at as usize]));
-        self.positions_m.clear();
-        self.positions_m.extend(self.sorted.iter().map(|i| fleet[*i as usize].position_m()));
-        self.ids.clear();
-        self.ids.extend(self.sorted.iter().map(|i| fleet[*i as usize].id));
+        (self.x_m.clear(), self.y_m.clear(), self.ids.clear());
+        for robot in self.sorted.iter().map(|i| &fleet[*i as usize]) {
+            self.x_m.push(robot.x_m);
+            self.y_m.push(robot.y_m);
+            self.ids.push(robot.id);
+        }
         // Spread evenly, so that parts of equal length have equally many robots.
         let mut free = (0u32..).zip(fleet).filter(|(_, robot)| is_free(robot)).map(|(index, _)| index);
         let (mut robots, mut passed) = (self.sorted.iter().copied(), 0);
@@ -103,17 +107,23 @@ pub struct Sight {
 /// The robots near one robot.
 #[derive(Debug, Clone)]
 pub struct Neighbourhood {
-    /// Nearest first.
+    /// The first `listed` are the list, nearest first.
     list: Vec<Nearby>,
-    /// Those within the distance looked at, as the cells gave them, and one place more.
-    found: Vec<Nearby>,
+    listed: usize,
+    /// Places in the cells of those within the distance looked at, and their squared distances, m²; as the
+    /// cells gave them, and one place more.
+    found: Vec<u32>,
+    squared_m2: Vec<f64>,
 }
+
+/// What a place of a list holds before somebody does.
+const NOBODY: Nearby = Nearby { distance_m: 0.0, id: 0, index: 0 };
 
 impl Neighbourhood {
     /// With room for a fleet of `robots`.
     pub fn with_capacity(robots: usize) -> Self {
-        let nobody = Nearby { distance_m: 0.0, id: 0, index: 0 };
-        Self { list: Vec::with_capacity(robots), found: vec![nobody; robots + 1] }
+        let places = RANKED_MAX.max(robots + 1);
+        Self { list: vec![NOBODY; places], listed: 0, found: vec![0; places], squared_m2: vec![0.0; places] }
     }
 
     /// Lists the robots near robot `me`, as far as `sight` says.
@@ -135,84 +145,95 @@ impl Neighbourhood {
             if count >= sight.nearest || look_m >= farthest_m {
                 break count;
             }
-            look_m = (2.0 * look_m).min(farthest_m);
+            // As far as would do if they were everywhere as dense as here, and a little more.
+            let wider = (1.4 * sight.nearest as f64 / (1 + count) as f64).sqrt();
+            look_m = (look_m * wider.clamp(1.2, 2.0)).min(farthest_m);
         };
-        self.sort(count);
-        let all = self.list.partition_point(|n| n.distance_m <= sight.all_m);
-        self.list.truncate(all.max(sight.nearest));
-        &self.list
+        self.sort(around, count);
+        let beyond = self.list[..count].get(sight.nearest);
+        self.listed = match beyond {
+            None => count,
+            Some(next) if next.distance_m > sight.all_m => sight.nearest,
+            Some(_) => self.list[..count].partition_point(|n| n.distance_m <= sight.all_m),
+        };
+        self.list()
     }
 
     /// Lists one more robot, in its place, if it is within `range_m` of robot `me` and not listed yet.
     pub fn add(&mut self, fleet: &[RobotState], me: usize, index: usize, range_m: f64) {
         let distance_m = (fleet[index].position_m() - fleet[me].position_m()).norm_squared().sqrt();
         let new = Nearby { distance_m, id: fleet[index].id, index };
-        if index == me || distance_m > range_m || self.list.iter().any(|n| n.index == index) {
+        if index == me || distance_m > range_m || self.list().iter().any(|n| n.index == index) {
             return;
         }
         let before = |n: &Nearby| n.distance_m.total_cmp(&distance_m).then(n.id.cmp(&new.id)).is_lt();
-        self.list.insert(self.list.partition_point(before), new);
+        let at = self.list().partition_point(before);
+        self.list.copy_within(at..self.listed, at + 1);
+        self.list[at] = new;
+        self.listed += 1;
     }
 
     /// The robots that are listed, nearest first.
     pub fn list(&self) -> &[Nearby] {
-        &self.list
+        &self.list[..self.listed]
     }
 
-    /// Finds the robots within `range_m`, in any order and with squared distances; how many.
+    /// Finds the robots within `range_m`, in any order; how many.
     fn within(&mut self, around: &Surroundings, fleet: &[RobotState], me: usize, range_m: f64) -> usize {
-        let here = fleet[me].position_m();
-        let found = &mut self.found;
+        let (here, most_m2) = (fleet[me].position_m(), range_m * range_m);
         let mut count = 0;
+        let (found, squares_m2) = (&mut self.found[..], &mut self.squared_m2[..]);
         around.grid.near(here, range_m, |range| {
-            let who = around.sorted[range.clone()].iter().zip(&around.ids[range.clone()]);
-            for (position_m, (index, id)) in around.positions_m[range].iter().zip(who) {
-                let squared = (position_m - here).norm_squared();
-                let index = *index as usize;
+            let mut last = count;
+            let places = (0u32..).skip(range.start);
+            for (at, (x_m, y_m)) in places.zip(around.x_m[range.clone()].iter().zip(&around.y_m[range])) {
+                let (x_m, y_m) = (x_m - here.x, y_m - here.y);
+                let squared_m2 = x_m * x_m + y_m * y_m;
                 // Written in any case and kept if it is near: nothing to guess for the processor.
-                #[expect(
-                    clippy::needless_bitwise_bool,
-                    reason = "a branch here is guessed wrong half of the time"
-                )]
-                let keep = (squared <= range_m * range_m) & (index != me);
-                found[count] = Nearby { distance_m: squared, id: *id, index };
-                count += usize::from(keep);
+                (found[last], squares_m2[last]) = (at, squared_m2);
+                last += usize::from(squared_m2 <= most_m2);
             }
+            count = last;
         });
+        // Without oneself.
+        let is_me = |at: &u32| around.sorted[*at as usize] as usize == me;
+        if let Some(own) = self.found[..count].iter().position(is_me) {
+            count -= 1;
+            self.found.swap(own, count);
+            self.squared_m2.swap(own, count);
+        }
         count
     }
 
     /// Lists the first `count` of those found, nearest first.
-    fn sort(&mut self, count: usize) {
-        self.list.clear();
-        let found = &mut self.found[..count];
-        for n in found.iter_mut() {
-            n.distance_m = n.distance_m.sqrt();
-        }
-        if count <= RANKED_MAX
-            && let Some(sorted) = in_order(found)
+    fn sort(&mut self, around: &Surroundings, count: usize) {
+        let near = |at: u32, distance_m: f64| {
+            let at = at as usize;
+            Nearby { distance_m, id: around.ids[at], index: around.sorted[at] as usize }
+        };
+        let found = &self.found[..count];
+        if let (Ok(list), Some(squares_m2)) =
+            (<&mut [_; RANKED_MAX]>::try_from(&mut self.list[..RANKED_MAX]), self.squared_m2.first_chunk())
+            && count <= RANKED_MAX
         {
-            self.list.extend_from_slice(&sorted[..count]);
-            return;
+            let ranked = roots(squares_m2, count);
+            let mut taken = 0u64;
+            for (k, at) in found.iter().enumerate() {
+                let rank = ranked.rank(k);
+                list[rank % RANKED_MAX] = near(*at, ranked.numbers[k]);
+                taken |= 1 << rank;
+            }
+            if taken.count_ones() as usize == count {
+                return;
+            }
+            // Some are equally far.
         }
-        found.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
-        self.list.extend_from_slice(found);
+        let list = &mut self.list[..count];
+        for (n, (at, squared_m2)) in list.iter_mut().zip(found.iter().zip(&self.squared_m2)) {
+            *n = near(*at, squared_m2.sqrt());
+        }
+        list.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
     }
-}
-
-/// At most `RANKED_MAX` robots, nearest first; `None` when two of them have one id and one distance.
-fn in_order(found: &[Nearby]) -> Option<[Nearby; RANKED_MAX]> {
-    let (mut distances_m, mut ids) = ([0.0; RANKED_MAX], [0.0; RANKED_MAX]);
-    for (n, (distance_m, id)) in found.iter().zip(distances_m.iter_mut().zip(&mut ids)) {
-        (*distance_m, *id) = (n.distance_m, f64::from(n.id));
-    }
-    let mut sorted = [Nearby { distance_m: 0.0, id: 0, index: 0 }; RANKED_MAX];
-    let mut taken = 0u64;
-    for (n, rank) in found.iter().zip(ranks(&distances_m, &ids, found.len())) {
-        sorted[rank % RANKED_MAX] = *n;
-        taken |= 1 << rank;
-    }
-    (taken.count_ones() as usize == found.len()).then_some(sorted)
 }
 
 #[cfg(test)]

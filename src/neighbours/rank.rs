@@ -4,60 +4,74 @@
 //! one instruction makes several comparisons.
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
-#![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 /// Most numbers that are ranked.
 pub(super) const RANKED_MAX: usize = 32;
-/// Numbers that are compared at once.
-const WIDTH: usize = 8;
-
 /// One number for each of those that are ranked.
 pub(super) type Lanes = [f64; RANKED_MAX];
 
-/// How many of the first `count` pairs (`first`, `second`) come before each of them.
-pub(super) fn ranks(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
+/// Numbers with their ranks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ranked {
+    pub(super) numbers: Lanes,
+    counts: Lanes,
+}
+
+/// From here to twice as far, floating-point numbers are the integers, and their last bits say which.
+const INTEGERS: f64 = (1_u64 << 52) as f64;
+
+impl Ranked {
+    /// How many of the numbers are smaller than number `k`.
+    #[expect(clippy::cast_possible_truncation, reason = "no more than 32")]
+    #[inline(always)]
+    pub(super) fn rank(&self, k: usize) -> usize {
+        self.counts[k].to_bits() as usize % (2 * RANKED_MAX)
+    }
+}
+
+/// The roots of the numbers, of which the first `count` are ranked.
+pub(super) fn roots(numbers: &Lanes, count: usize) -> Ranked {
     #[cfg(target_arch = "x86_64")]
     {
         if std::arch::is_x86_feature_detected!("avx512f") && std::arch::is_x86_feature_detected!("avx512vl") {
             // SAFETY: the processor has what the function was compiled for.
-            return unsafe { ranks_avx512(first, second, count) };
+            return unsafe { roots_avx512(numbers, count) };
         }
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has what the function was compiled for.
-            return unsafe { ranks_avx2(first, second, count) };
+            return unsafe { roots_avx2(numbers, count) };
         }
     }
-    ranks_of_all(first, second, count)
+    roots_of_all(numbers, count)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl")]
-fn ranks_avx512(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
-    ranks_of_all(first, second, count)
+fn roots_avx512(numbers: &Lanes, count: usize) -> Ranked {
+    roots_of_all(numbers, count)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn ranks_avx2(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
-    ranks_of_all(first, second, count)
+fn roots_avx2(numbers: &Lanes, count: usize) -> Ranked {
+    roots_of_all(numbers, count)
 }
 
 #[inline(always)]
-fn ranks_of_all(first: &Lanes, second: &Lanes, count: usize) -> [usize; RANKED_MAX] {
-    let count = count.min(RANKED_MAX);
-    let mut ranks = [0; RANKED_MAX];
-    let parts = ranks.chunks_exact_mut(WIDTH).zip(first.chunks_exact(WIDTH).zip(second.chunks_exact(WIDTH)));
-    for (ranks, (mine, my_second)) in parts.take(count.div_ceil(WIDTH)) {
-        let mut before = [0; WIDTH];
-        for (other, other_second) in first[..count].iter().zip(second) {
-            for lane in 0..WIDTH {
-                let tied = (*other == mine[lane]) & (*other_second < my_second[lane]);
-                before[lane] += usize::from((*other < mine[lane]) | tied);
-            }
-        }
-        ranks.copy_from_slice(&before);
+fn roots_of_all(numbers: &Lanes, count: usize) -> Ranked {
+    let mut roots = [0.0; RANKED_MAX];
+    for (root, number) in roots.iter_mut().zip(numbers) {
+        *root = number.sqrt();
     }
-    ranks
+    // Counted in floating point: such sums are not to be regrouped, so that all lanes take one step together.
+    let mut counts = [INTEGERS; RANKED_MAX];
+    for k in 0..count.min(RANKED_MAX) {
+        let other = roots[k];
+        for lane in 0..RANKED_MAX {
+            counts[lane] += if other < roots[lane] { 1.0 } else { 0.0 };
+        }
+    }
+    Ranked { numbers: roots, counts }
 }
 
 #[cfg(test)]
@@ -66,29 +80,25 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The ranks are the places after sorting, whatever the width of the registers.
+        /// The roots are those of the numbers, and the ranks their places after sorting, the first of them for
+        /// equal ones; whatever the width of the registers.
         #[test]
-        fn ranks_are_places(pairs in prop::collection::vec((0..6u32, 0..1000u32), 0..=RANKED_MAX)) {
-            // Many of the first are equal, none of the second are.
-            let pairs: Vec<(f64, f64)> = (0u32..).zip(pairs)
-                .map(|(k, (a, b))| (f64::from(a) * 0.5, f64::from(b * 32 + k)))
-                .collect();
-            let (mut first, mut second) = ([7.0; RANKED_MAX], [0.0; RANKED_MAX]);
-            for (k, (a, b)) in pairs.iter().enumerate() {
-                (first[k], second[k]) = (*a, *b);
+        fn ranks_are_places(squares in prop::collection::vec(prop_oneof![0.0..9.0f64, Just(4.0)], 0..=RANKED_MAX)) {
+            let count = squares.len();
+            let mut numbers = [7.0; RANKED_MAX];
+            numbers[..count].copy_from_slice(&squares);
+            let mut sorted: Vec<f64> = squares.iter().map(|square| square.sqrt()).collect();
+            sorted.sort_by(f64::total_cmp);
+            let ranked = roots_of_all(&numbers, count);
+            for (k, square) in squares.iter().enumerate() {
+                prop_assert_eq!(ranked.numbers[k], square.sqrt());
+                prop_assert_eq!(sorted.iter().position(|root| *root == square.sqrt()), Some(ranked.rank(k)));
             }
-            let mut sorted = pairs.clone();
-            sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-            let narrow = ranks_of_all(&first, &second, pairs.len());
-            for (pair, rank) in pairs.iter().zip(narrow) {
-                prop_assert_eq!(&sorted[rank], pair);
-            }
-            prop_assert_eq!(&ranks(&first, &second, pairs.len())[..pairs.len()], &narrow[..pairs.len()]);
+            prop_assert_eq!(roots(&numbers, count), ranked);
             #[cfg(target_arch = "x86_64")]
             if std::arch::is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor has what the function was compiled for.
-                let half = unsafe { ranks_avx2(&first, &second, pairs.len()) };
-                prop_assert_eq!(&half[..pairs.len()], &narrow[..pairs.len()]);
+                prop_assert_eq!(unsafe { roots_avx2(&numbers, count) }, ranked);
             }
         }
     }

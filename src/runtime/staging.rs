@@ -2,6 +2,7 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use crossbeam::utils::CachePadded;
 
+use crate::cache;
 use crate::wire::{RobotCommand, RobotIntent};
 
 /// Marks a slot that is being written. No period has this number.
@@ -100,6 +101,13 @@ impl Staging {
             word.store(bits, Ordering::Relaxed);
         }
         slot.tick.store(tick, Ordering::Release);
+    }
+
+    /// Says that the result of robot `index` will be put soon.
+    pub(super) fn expect(&self, index: usize) {
+        if let Some(slot) = self.slots.get(index) {
+            cache::expect(slot);
+        }
     }
 
     /// The result of robot `index` that answers the state of `tick`, if it is complete.

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use super::board::{Board, Released};
 use super::decider::Decider;
 use super::event_count::Waiting;
+use crate::cache;
 use crate::channel::{Received, StateReader};
 use crate::clock::Clock;
 use crate::config::Wakeup;
@@ -180,11 +181,13 @@ impl<C: Clock> Worker<C> {
             // Lists have room for any region, and never grow here.
             let mut remember = |index, checkpoint| {
                 if checkpoints.len() < checkpoints.capacity() {
+                    expect_next(checkpoints);
                     checkpoints.push((index, checkpoint));
                 }
             };
             self.decide(tick, decider, sample.robots(), &mut remember, |index, telemetry| {
                 if robots.len() < robots.capacity() {
+                    expect_next(robots);
                     robots.push((index, *telemetry));
                 }
             });
@@ -229,11 +232,22 @@ impl<C: Clock> Worker<C> {
         };
         if regional {
             let region = self.board.regions.of(self.index);
-            decider.decide_region((tick, region), fleet, remember, &mut each);
+            let mut remember = |index: usize, checkpoint| {
+                self.board.staging.expect(index);
+                remember(index, checkpoint);
+            };
+            decider.decide_region((tick, region), fleet, &mut remember, &mut each);
         } else {
             decider.checkpoint(remember);
             decider.decide(fleet, &mut each);
         }
+    }
+}
+
+/// Says that what comes after the next element will be written soon.
+fn expect_next<T>(list: &mut Vec<T>) {
+    if let Some(place) = list.spare_capacity_mut().get(1) {
+        cache::expect(place);
     }
 }
 
