@@ -27,7 +27,7 @@ use crate::certificate::robust::{Margin, Reach};
 use crate::config::{Config, ControllerConfig, Profile, SolverKind};
 use crate::document::names;
 use crate::geometry::Pose;
-use crate::guidance::{self, Predictions};
+use crate::guidance::{self, Neighbour, Predictions};
 use crate::model::{Disturbance, Limits, Obstacle};
 use crate::neighbours::{Neighbourhood, Sight, Surroundings};
 use crate::programme::{Programme, Solution};
@@ -250,6 +250,8 @@ impl Solver for AnySolver {
 struct Workspace {
     around: Surroundings,
     near: Neighbourhood,
+    /// Those of them that the guidance is shown.
+    neighbours: Vec<Neighbour>,
     predictions: Predictions,
     programme: Programme,
     solution: Solution,
@@ -330,6 +332,7 @@ impl RobotGroup {
             workspace: Workspace {
                 around: Surroundings::with_capacity(robots, cell_m),
                 near: Neighbourhood::with_capacity(robots),
+                neighbours: Vec::with_capacity(guidance::NEIGHBOURS_MAX),
                 predictions: Predictions::for_robots(robots),
                 programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),
                 solution: Solution::with_capacity(rows),

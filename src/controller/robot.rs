@@ -271,7 +271,7 @@ impl RobotController {
         }
         let near = work.near.list();
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
-        let aim = self.aim(law, fleet, near, &mut work.predictions);
+        let aim = self.aim(law, fleet, near, (&mut work.neighbours, &mut work.predictions));
         Self::note(law, &aim, telemetry);
 
         let bodies = rows::binding(law, near, sight.all_m);
@@ -343,7 +343,7 @@ impl RobotController {
         law: &Law,
         fleet: &[RobotState],
         near: &[Nearby],
-        predictions: &mut Predictions,
+        (neighbours, predictions): (&mut Vec<Neighbour>, &mut Predictions),
     ) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
@@ -361,12 +361,10 @@ impl RobotController {
                 guidance: straight(self.goal_m, law.limits.v_max_mps),
             };
         }
-        let mut neighbours = [Neighbour::default(); NEIGHBOURS_MAX];
-        let mut count = 0;
-        for (slot, n) in neighbours.iter_mut().zip(near) {
-            *slot = seen(law, own, &fleet[n.index], n.index, law.foreign_speed_mps[n.index].is_some());
-            count += 1;
-        }
+        let foreign = |n: &Nearby| law.foreign_speed_mps[n.index].is_some();
+        neighbours.clear();
+        let nearest = near.iter().take(NEIGHBOURS_MAX);
+        neighbours.extend(nearest.map(|n| seen(law, own, &fleet[n.index], n.index, foreign(n))));
         self.near_views.clear();
         self.near_views.extend(self.views.iter().filter(|o| o.clearance(here).1 < OBSTACLE_RANGE_M));
         self.near_views.sort_unstable_by(|a, b| a.clearance(here).1.total_cmp(&b.clearance(here).1));
@@ -390,7 +388,7 @@ impl RobotController {
         };
         let guidance = guidance::guide(
             &ego,
-            &neighbours[..count],
+            neighbours,
             &self.near_views,
             &limits,
             &law.guidance,
@@ -450,7 +448,7 @@ impl RobotController {
 fn clearance(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> f64 {
     let own = &fleet[me];
     let to = |n: &Nearby| n.distance_m - law.limits.safety_margin_m - own.radius_m - fleet[n.index].radius_m;
-    near.iter().map(to).fold(f64::INFINITY, f64::min)
+    near.iter().map(to).fold(f64::INFINITY, |least_m, m| if m < least_m { m } else { least_m })
 }
 
 /// A time between two readings of the clock, which is read through the vDSO: no system call.
