@@ -3,15 +3,18 @@
 mod support;
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clearway::channel::{CheckpointReader, CommandReader, StateReader, Transport};
 use clearway::config::{Config, SolverKind};
-use clearway::controller::{RobotGroup, Timing};
+use clearway::controller::{RobotGroup, Robots, Timing};
 use clearway::evaluation::initial_fleet;
+use clearway::model::Command;
 use clearway::runtime::{Daemon, Until};
 use clearway::scenario::Scenario;
-use clearway::wire::{RobotCheckpoint, RobotCommand, RobotState, checkpoint_flags};
+use clearway::wire::{RobotCheckpoint, RobotCommand, RobotState, checkpoint_flags, state_flags};
 use support::{World, config};
 
 /// A command as bits.
@@ -87,6 +90,86 @@ fn a_checkpoint_belongs_to_its_robot() {
     assert!(group.restore(2, &own[0]));
     assert!(!group.restore(3, &own[0]), "of another robot");
     assert!(!group.restore(1, &own[0]), "of another worker");
+}
+
+/// A robot that joined during the run, and whose controller a panic took along later: made anew it is one of
+/// who stood in its place at the start, and the recorded memory is nobody's who is there.
+#[test]
+fn who_begins_anew_in_another_s_place_is_computed_again_as_well() {
+    for panics in [15, 25, 35, 45] {
+        for recorded in [true, false] {
+            begins_anew(panics, recorded);
+        }
+    }
+}
+
+/// With a panic in period `panics`, of which a checkpoint may be recorded: without memories.
+fn begins_anew(panics: u64, recorded: bool) {
+    const JOINS: u64 = 10;
+    let mut config = Config::new(Scenario::builtin("swap8").unwrap());
+    let joined = config.scenario.robots.pop().unwrap();
+    config.admin.capacity = 8;
+    let place = config.scenario.robots.len();
+    let mut fleet = initial_fleet(&config);
+    let robots = Arc::new(Robots::new(&config));
+    let mut driving = RobotGroup::among(&config, Arc::clone(&robots)).unwrap();
+    let mut again = RobotGroup::new(&config, 0..fleet.len()).unwrap();
+    let mut compared = 0;
+    for tick in 0..100 {
+        if tick == JOINS {
+            fleet[place] = RobotState::at_start(&joined);
+            fleet[place].flags |= state_flags::VALID;
+        }
+        let (mut memories, mut commands) = (BTreeMap::new(), BTreeMap::new());
+        let mut next = fleet.clone();
+        let worked = catch_unwind(AssertUnwindSafe(|| {
+            driving.solve_region(
+                (tick, 0..fleet.len()),
+                &fleet,
+                Timing::LogicalExecutionTime,
+                |index, memory| _ = memories.insert(index, memory),
+                |index, decision| {
+                    if tick == panics && index == place {
+                        std::panic::resume_unwind(Box::new("a fault, injected"));
+                    }
+                    next[index].set_command(decision.command.command());
+                    next[index].intent = decision.intent;
+                    commands.insert(index, decision.command);
+                },
+            );
+        }));
+        assert_eq!(worked.is_err(), tick == panics);
+        if worked.is_err() {
+            // The record of the period is lost with it, and whose command is missing stands.
+            memories.clear();
+            driving = RobotGroup::among(&config, Arc::clone(&robots)).unwrap();
+        }
+        for (index, robot) in fleet.iter().enumerate() {
+            again.seat(index, robot);
+            let id = robot.id;
+            let unanswered = RobotCheckpoint { id, ..RobotCheckpoint::default() };
+            if recorded || tick != panics {
+                again.restore(index, memories.get(&index).unwrap_or(&unanswered));
+            }
+        }
+        for (index, command) in solve(&mut again, &fleet).iter().enumerate() {
+            if memories.contains_key(&index) {
+                assert_eq!(
+                    bits(command),
+                    bits(&commands[&index]),
+                    "tick {tick}, place {index}, panic in {panics}, recorded {recorded}"
+                );
+                compared += u64::from(index == place && command.stop_reason == 0);
+            }
+        }
+        for (robot, new) in fleet.iter_mut().zip(&next) {
+            robot.set_pose(robot.arc().pose(config.timing.period_s()));
+            let answered = tick != panics;
+            robot.set_command(if answered { new.command() } else { Command::STOP });
+            robot.intent = new.intent;
+        }
+    }
+    assert_eq!(compared, 100 - JOINS - 1);
 }
 
 /// The daemon tells what is needed, for every period, and with it the same commands come out.

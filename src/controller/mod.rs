@@ -400,15 +400,15 @@ impl RobotGroup {
     }
 
     /// Puts the robot that `state` shows into the place `index`; whether the place is owned here. For a
-    /// robot that joined during a run, before [`restore`](Self::restore); a checkpoint of another robot
-    /// is one of who stood there before, and is not restored.
+    /// robot that joined during a run, before [`restore`](Self::restore).
     pub fn seat(&mut self, index: usize, state: &RobotState) -> bool {
         let robot = self.owned.iter_mut().find(|robot| robot.index() == index);
         robot.map(|robot| robot.follow(&self.law, state, None)).is_some()
     }
 
     /// Makes robot `index` of the fleet remember what it did at `checkpoint`; whether it is owned here
-    /// and has that id.
+    /// and has that id. Of another robot, which stood there before, or at the start where a controller was
+    /// made anew after a panic, it remembers nothing.
     pub fn restore(&mut self, index: usize, checkpoint: &RobotCheckpoint) -> bool {
         let robot = self.owned.iter_mut().find(|robot| robot.index() == index);
         robot.is_some_and(|robot| robot.restore(checkpoint))

@@ -177,7 +177,8 @@ impl RobotController {
         RobotCheckpoint { id: self.id.0, flags: checkpoint_flags::ANSWERED | settled, words }
     }
 
-    /// Goes back to what it remembered; whether `checkpoint` is one of its own.
+    /// Goes back to what it remembered; whether `checkpoint` is one of its own. One of another robot, which
+    /// stood here before or at the start, is of no use to it: it begins anew, as it did then.
     pub(super) fn restore(&mut self, checkpoint: &RobotCheckpoint) -> bool {
         let own = checkpoint.id == self.id.0;
         if own {
@@ -189,8 +190,15 @@ impl RobotController {
             }
             self.memory = guidance::checkpoint::memory(&checkpoint.words);
             self.settled = checkpoint.flags & checkpoint_flags::SETTLED != 0;
+        } else {
+            self.forget();
         }
         own
+    }
+
+    fn forget(&mut self) {
+        (self.memory, self.last_intent) = (Memory::default(), RobotIntent::default());
+        self.settled = false;
     }
 
     /// Takes in who stands here and where it is to go: with another robot or another goal everything
@@ -211,7 +219,7 @@ impl RobotController {
             return false;
         }
         (self.id, self.radius_m, self.goal_m) = (own.robot(), own.radius_m, goal_m);
-        (self.memory, self.last_intent) = (Memory::default(), RobotIntent::default());
+        self.forget();
         for view in &mut self.views {
             view.keep_m = keep_m;
         }

@@ -223,10 +223,6 @@ impl Judge {
         let (Some(state), Some(command), Some(twin)) = (state, command, &mut self.twin) else { return };
         for (index, (known, robot)) in checkpoint.robots.iter().zip(state.robots.iter()).enumerate() {
             if known.flags & checkpoint_flags::ANSWERED != 0 {
-                if known.id != robot.id {
-                    // Somebody else's memory: whoever answered began anew.
-                    twin.seat(index, &RobotState::vacant());
-                }
                 twin.seat(index, robot);
                 twin.restore(index, known);
             }
