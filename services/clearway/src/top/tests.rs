@@ -304,6 +304,42 @@ fn an_operator_is_told_what_is_wrong() {
     assert_eq!(model.hold(), Some("STOPPED"));
 }
 
+/// What the journal has to tell an operator: drawn whole, gravest first, and with what to do about it.
+#[test]
+fn the_journal_s_alerts_are_drawn() {
+    const RESTARTS: &str = "STOPPED: restarted after a crash 3 times; clear, then resume";
+    const UNREADABLE: &str = "STOPPED: the journal could not be read; clear, then resume";
+    const UNWRITABLE: &str = "the journal cannot be written: orders do not survive a restart";
+    let (mut model, now_ns) = watched(20);
+    let alerts = |model: &mut Model, flags: u32| {
+        let mut told = status(17);
+        told.figures.flags |= flags;
+        told.figures.restarts = 3;
+        model.answered(Ok(told));
+        // The line of its own below the state of the fleet, as it stands on the screen.
+        let screen = drawn((80, 24), model, &mut View::default(), PLAIN, now_ns);
+        screen.lines().nth(2).unwrap().trim_end().to_owned()
+    };
+    let stopped = admin_flags::STOPPED | admin_flags::JOURNAL;
+    for (flags, line) in [
+        (stopped | admin_flags::STOPPED_BY_RESTARTS, RESTARTS),
+        (stopped | admin_flags::STOPPED_BY_JOURNAL, UNREADABLE),
+        (admin_flags::JOURNAL | admin_flags::JOURNAL_FAILING, UNWRITABLE),
+    ] {
+        assert!(alerts(&mut model, flags).starts_with(line), "{line}");
+    }
+    // Both: why it stands comes first, and where there is room the other stands beside it.
+    let both = stopped | admin_flags::STOPPED_BY_JOURNAL | admin_flags::JOURNAL_FAILING;
+    assert!(alerts(&mut model, both).starts_with(UNREADABLE));
+    let wide = drawn((200, 24), &model, &mut View::default(), PLAIN, now_ns);
+    assert!(wide.lines().nth(2).unwrap().contains(&format!("{UNREADABLE}  {UNWRITABLE}")), "{wide}");
+    // Nothing of it once an operator has cleared the stop, or who stopped it was one.
+    for flags in [admin_flags::JOURNAL | admin_flags::STOPPED_BY_RESTARTS, stopped] {
+        let line = alerts(&mut model, flags);
+        assert!(line.starts_with("DEGRADED"), "{line}");
+    }
+}
+
 #[test]
 fn a_restarted_daemon_is_a_new_run_and_the_old_one_is_not_listened_to() {
     let (mut model, now_ns) = watched(20);
