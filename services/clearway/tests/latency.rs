@@ -1,11 +1,15 @@
 //! `clearway bench latency` as a person and as a script run it. Times are measured, not judged.
 
+#[path = "../../../tests/support/mod.rs"]
+mod support;
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use support::process::skipped;
 
 /// Far longer than any of this takes.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -139,7 +143,7 @@ fn refused_calls_are_told_and_no_figure_is_called_real_time() {
     let tools = [vec!["setpriv", drop[0], drop[1], "true"], vec!["prlimit", limits[0], limits[1], "true"]];
     for tool in &tools {
         if !Command::new(tool[0]).args(&tool[1..]).status().is_ok_and(|status| status.success()) {
-            eprintln!("SKIPPED: {} cannot take the rights away here", tool[0]);
+            skipped("bench latency without rights", &format!("{} cannot take them away here", tool[0]));
             return;
         }
     }
@@ -204,13 +208,13 @@ fn a_missing_cyclictest_is_told_with_the_way_to_get_it() {
 fn cyclictest_takes_turns_and_the_ratio_is_told() {
     let there = |path: &str| Path::new(path).join("cyclictest").is_file();
     if !std::env::var("PATH").is_ok_and(|paths| paths.split(':').any(there)) {
-        eprintln!("SKIPPED: cyclictest is not installed (apt-get install rt-tests)");
+        skipped("bench latency against cyclictest", "it is not installed (apt-get install rt-tests)");
         return;
     }
     let args = ["--load", "idle", "--against", "cyclictest", "--json", "-"];
     let output = clearway().args(SHORT).args(args).output().unwrap();
     if text(&output.stderr).contains("refused:") {
-        eprintln!("SKIPPED: cyclictest needs the rights that were refused here");
+        skipped("bench latency against cyclictest", "it needs the rights that were refused here");
         return;
     }
     let compared = &json(&output)["against_cyclictest"];
