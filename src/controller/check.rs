@@ -1,8 +1,12 @@
 //! The last check before a command goes out: the exact motion against the bodies, not the programme.
 //!
-//! The rows were computed from closed forms of the approach. Here the arc itself is held against the
-//! line that it must not cross, by the branch and bound that measures clearances: other code, so that
-//! a mistake in the one is seen by the other.
+//! Who is near, how far beyond the required distance, and which share of that gap is ours: that it takes
+//! from the rows' [`bodies`], and a mistake there it would share. Those are looked for from outside, by the
+//! theorem's tests over continuous time and by the simulator, each with a geometry of its own. What it
+//! does not take over is what the rows make of them. They were computed from closed forms of the approach,
+//! and the command is what a solver made of the rows; here the arc itself is held against the line that it
+//! must not cross, by the branch and bound that measures clearances. For disturbed robots it is the disc
+//! that holds all that the command may still do.
 
 use super::Law;
 use super::rows::{Body, approach_at, bodies};
