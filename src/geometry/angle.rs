@@ -9,7 +9,12 @@ pub fn wrap(angle_rad: f64) -> f64 {
     if angle_rad > -PI && angle_rad <= PI {
         return angle_rad;
     }
-    let r = angle_rad.rem_euclid(TAU);
+    // One turn at most, as a sum and a difference of angles are: what the remainder gives, and quickly.
+    let r = if angle_rad.abs() < TAU {
+        if angle_rad < 0.0 { angle_rad + TAU } else { angle_rad }
+    } else {
+        angle_rad.rem_euclid(TAU)
+    };
     if r > PI { r - TAU } else { r }
 }
 
@@ -49,6 +54,14 @@ mod tests {
             prop_assert!(w > -PI && w <= PI);
             prop_assert!((w.sin() - a.sin()).abs() < 1e-9 && (w.cos() - a.cos()).abs() < 1e-9);
             prop_assert_eq!(wrap(w).to_bits(), w.to_bits());
+        }
+
+        #[test]
+        fn one_turn_is_taken_off_as_the_remainder_takes_it(a in -7.0..7.0f64) {
+            let r = a.rem_euclid(TAU);
+            let inside = a > -PI && a <= PI;
+            let remainder = if inside { a } else if r > PI { r - TAU } else { r };
+            prop_assert_eq!(wrap(a).to_bits(), remainder.to_bits());
         }
     }
 }

@@ -131,18 +131,18 @@ impl Others {
         Which(which)
     }
 
-    /// Those that may come close to a robot that goes from somewhere in `from` to somewhere in `to` in step `k`: all
-    /// that do, and some that do not.
+    /// Those that may come close to a robot that goes up to `reach_m` from somewhere in `from` in step `k`: all that do,
+    /// and some that do not.
     #[inline(always)]
-    pub(super) fn passing(&self, from: &Area, to: &Area, k: usize) -> Which {
+    pub(super) fn passing(&self, from: &Area, reach_m: f32, k: usize) -> Which {
         let (x0, y0, x1, y1) = (&self.x_m[k], &self.y_m[k], &self.x_m[k + 1], &self.y_m[k + 1]);
         let mut which = 0;
         for lane in 0..NEIGHBOURS_MAX {
             // Seen from the neighbour, the way lies in the rectangle around both of its ends.
-            let min_x = least(from.min_x - x0[lane], to.min_x - x1[lane]);
-            let max_x = most(from.max_x - x0[lane], to.max_x - x1[lane]);
-            let min_y = least(from.min_y - y0[lane], to.min_y - y1[lane]);
-            let max_y = most(from.max_y - y0[lane], to.max_y - y1[lane]);
+            let min_x = from.min_x - most(x0[lane], x1[lane] + reach_m);
+            let max_x = from.max_x - least(x0[lane], x1[lane] - reach_m);
+            let min_y = from.min_y - most(y0[lane], y1[lane] + reach_m);
+            let max_y = from.max_y - least(y0[lane], y1[lane] - reach_m);
             let (dx, dy) = (most(most(min_x, -max_x), 0.0), most(most(min_y, -max_y), 0.0));
             which |= u32::from(dx * dx + dy * dy < self.close_m2[lane]) << lane;
         }
@@ -176,7 +176,7 @@ mod tests {
                 others.push(Vec2::new(x, y), &path, [0.45, params.prox_margin_m, 0.87], &params);
             }
             let (p, next) = ((x, y), (x + dx, y + dy));
-            // An area around each end, with the end in one of its corners.
+            // An area with the beginning in one of its corners.
             let area = |p: (f32, f32), width: f32| {
                 Area { min_x: p.0, min_y: p.1, max_x: p.0 + width, max_y: p.1 + width }
             };
@@ -190,7 +190,7 @@ mod tests {
             prop_assert!(slowing.is_sorted() && all_slowing.iter().all(|lane| slowing.contains(lane)));
             // In a single point nobody is named without reason.
             prop_assert_eq!(others.slowing(&area(p, 0.0), k).collect::<Vec<_>>(), all_slowing);
-            let passing: Vec<usize> = others.passing(&area(p, width), &area(next, width), k).collect();
+            let passing: Vec<usize> = others.passing(&area(p, width), dx.abs().max(dy.abs()), k).collect();
             prop_assert!(passing.is_sorted() && passing.iter().all(|lane| *lane < count));
             for lane in 0..count {
                 let wide = |(x, y): (f32, f32)| Vec2::new(f64::from(x), f64::from(y));

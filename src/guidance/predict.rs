@@ -7,10 +7,10 @@
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::Params;
-use super::lanes::{WIDTH, Wide};
+use super::lanes::{WIDTH, Wide, direction};
 use super::others::{least, most, single};
 use super::types::{Limits, Neighbour};
-use crate::geometry::unit;
+use crate::geometry::wrap;
 
 /// Steps of the prediction.
 pub(super) const STEPS: usize = 16;
@@ -97,15 +97,20 @@ impl Turn {
     }
 }
 
+/// Positions of a row at the ends of the steps, each seen from where that robot is now, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Places {
+    x_m: [Wide; STEPS],
+    y_m: [Wide; STEPS],
+}
+
 /// Robots that are predicted side by side: each turns to its published heading, holds it, then goes to its target and
 /// stays there.
 struct Row {
     count: usize,
     index: [usize; WIDTH],
-    hx: Wide,
-    hy: Wide,
-    published_x: Wide,
-    published_y: Wide,
+    heading_rad: Wide,
+    published_rad: Wide,
     target_x_m: Wide,
     target_y_m: Wide,
     speed_mps: Wide,
@@ -117,10 +122,8 @@ impl Row {
         Self {
             count: 0,
             index: [0; WIDTH],
-            hx: none,
-            hy: none,
-            published_x: none,
-            published_y: none,
+            heading_rad: none,
+            published_rad: none,
             target_x_m: none,
             target_y_m: none,
             speed_mps: none,
@@ -130,10 +133,9 @@ impl Row {
     fn push(&mut self, n: &Neighbour, params: &Params) {
         let lane = self.count;
         self.index[lane] = n.index;
-        let (heading, published) = (unit(n.heading_rad), unit(n.intent.heading_rad));
         let to = n.intent.target_m - n.position_m;
-        (self.hx[lane], self.hy[lane]) = (single(heading.x), single(heading.y));
-        (self.published_x[lane], self.published_y[lane]) = (single(published.x), single(published.y));
+        self.heading_rad[lane] = single(wrap(n.heading_rad));
+        self.published_rad[lane] = single(wrap(n.intent.heading_rad));
         (self.target_x_m[lane], self.target_y_m[lane]) = (single(to.x), single(to.y));
         // One that has arrived stays.
         self.speed_mps[lane] =
@@ -146,54 +148,59 @@ impl Row {
         if self.count == 0 {
             return;
         }
-        let (x_m, y_m) = self.steps(turn, params);
+        let mut places = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
+        self.steps(turn, params, &mut places);
         for lane in 0..self.count {
             let path = &mut paths[self.index[lane]];
             for k in 0..STEPS {
-                (path.x_m[k], path.y_m[k]) = (x_m[k][lane], y_m[k][lane]);
+                (path.x_m[k], path.y_m[k]) = (places.x_m[k][lane], places.y_m[k][lane]);
             }
         }
         self.count = 0;
     }
 
-    fn steps(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
+    fn steps(&self, turn: Turn, params: &Params, places: &mut Places) {
         #[cfg(target_arch = "x86_64")]
         {
             if std::arch::is_x86_feature_detected!("avx512f")
                 && std::arch::is_x86_feature_detected!("avx512vl")
             {
                 // SAFETY: the processor has what the function was compiled for.
-                return unsafe { self.steps_avx512(turn, params) };
+                return unsafe { self.steps_avx512(turn, params, places) };
             }
             if std::arch::is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor has what the function was compiled for.
-                return unsafe { self.steps_avx2(turn, params) };
+                return unsafe { self.steps_avx2(turn, params, places) };
             }
         }
-        self.steps_of_all(turn, params)
+        self.steps_of_all(turn, params, places)
     }
 
     /// [`steps_of_all`](Self::steps_of_all) for wider registers: the same operations, and so the same bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl")]
-    fn steps_avx512(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
-        self.steps_of_all(turn, params)
+    fn steps_avx512(&self, turn: Turn, params: &Params, places: &mut Places) {
+        self.steps_of_all(turn, params, places)
     }
 
     /// [`steps_of_all`](Self::steps_of_all) for wide registers: the same operations, and so the same bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn steps_avx2(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
-        self.steps_of_all(turn, params)
+    fn steps_avx2(&self, turn: Turn, params: &Params, places: &mut Places) {
+        self.steps_of_all(turn, params, places)
     }
 
     /// The positions at the ends of the steps, m.
     #[inline(always)]
-    fn steps_of_all(&self, turn: Turn, params: &Params) -> ([Wide; STEPS], [Wide; STEPS]) {
+    fn steps_of_all(&self, turn: Turn, params: &Params, places: &mut Places) {
         let (dt, hold_s) = (single(params.step_s), single(params.hold_s));
         let (align_cos, per_align) = (single(params.align_cos), single(1.0 / (1.0 - params.align_cos)));
-        let (mut x, mut y, mut hx, mut hy) = ([0.0; WIDTH], [0.0; WIDTH], self.hx, self.hy);
-        let (mut xs, mut ys) = ([[0.0; WIDTH]; STEPS], [[0.0; WIDTH]; STEPS]);
+        let (mut x, mut y, mut hx, mut hy) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
+        let (mut published_x, mut published_y) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for lane in 0..WIDTH {
+            (hx[lane], hy[lane]) = direction(self.heading_rad[lane]);
+            (published_x[lane], published_y[lane]) = direction(self.published_rad[lane]);
+        }
         let mut time = 0.0;
         for k in 0..STEPS {
             let hold = time < hold_s;
@@ -202,8 +209,8 @@ impl Row {
                 let left = (to_x * to_x + to_y * to_y).sqrt();
                 let steered = hold | (left < 1e-6);
                 let per_m = 1.0 / left;
-                let aim_x = if steered { self.published_x[lane] } else { to_x * per_m };
-                let aim_y = if steered { self.published_y[lane] } else { to_y * per_m };
+                let aim_x = if steered { published_x[lane] } else { to_x * per_m };
+                let aim_y = if steered { published_y[lane] } else { to_y * per_m };
                 let (hx0, hy0) = (hx[lane], hy[lane]);
                 let near = hx0 * aim_x + hy0 * aim_y >= turn.cos;
                 let sin = if hx0 * aim_y - hy0 * aim_x >= 0.0 { turn.sin } else { -turn.sin };
@@ -216,10 +223,9 @@ impl Row {
                 x[lane] += hx1 * travel;
                 y[lane] += hy1 * travel;
             }
-            (xs[k], ys[k]) = (x, y);
+            (places.x_m[k], places.y_m[k]) = (x, y);
             time += dt;
         }
-        (xs, ys)
     }
 }
 
@@ -238,9 +244,10 @@ mod tests {
         }
         let both = |v: Vec2| (single(v.x), single(v.y));
         let (dt, hold_s) = (single(params.step_s), single(params.hold_s));
-        let (target, published) = (both(n.intent.target_m - n.position_m), both(unit(n.intent.heading_rad)));
+        let (target, published) =
+            (both(n.intent.target_m - n.position_m), direction(single(wrap(n.intent.heading_rad))));
         let speed = single(n.intent.speed_mps.max(params.other_speed_min_mps));
-        let (mut x, mut y, mut h, mut time) = (0.0, 0.0, both(unit(n.heading_rad)), 0.0);
+        let (mut x, mut y, mut h, mut time) = (0.0, 0.0, direction(single(wrap(n.heading_rad))), 0.0);
         for k in 0..STEPS {
             let to = (target.0 - x, target.1 - y);
             let left = (to.0 * to.0 + to.1 * to.1).sqrt();
@@ -286,12 +293,16 @@ mod tests {
             }
             let mut row = Row::empty();
             neighbours.iter().take(WIDTH).for_each(|n| row.push(n, &params));
-            let all = format!("{:?}", row.steps_of_all(turn, &params));
-            prop_assert_eq!(format!("{:?}", row.steps(turn, &params)), all.clone());
+            let mut all = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
+            let mut wide = all;
+            row.steps_of_all(turn, &params, &mut all);
+            row.steps(turn, &params, &mut wide);
+            prop_assert_eq!(format!("{wide:?}"), format!("{all:?}"));
             #[cfg(target_arch = "x86_64")]
             if std::arch::is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor has what the function was compiled for.
-                prop_assert_eq!(format!("{:?}", unsafe { row.steps_avx2(turn, &params) }), all);
+                unsafe { row.steps_avx2(turn, &params, &mut wide) };
+                prop_assert_eq!(format!("{wide:?}"), format!("{all:?}"));
             }
         }
     }

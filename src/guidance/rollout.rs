@@ -55,6 +55,7 @@ impl Scene<'_> {
         let mut path = [0.0; WIDTH];
         let mut worst = [[0.0; WIDTH]; NEIGHBOURS_MAX];
         for k in 0..STEPS {
+            let passing = self.others.passing(&area, scale.reach_m, k);
             let mut v = self.turn(&mut at, &left, row, time < scale.hold_s);
             self.slow(&mut v, &at, &area, k);
             let mut scrape = [0.0; WIDTH];
@@ -72,9 +73,9 @@ impl Scene<'_> {
                 next.y[lane] = at.y[lane] + at.hy[lane] * travel;
                 path[lane] += travel;
             }
-            let next_area = next.area(&gone);
-            let raised = self.closeness((&at, &area), (&next, &next_area), k, fade, &mut worst);
-            (at, area) = (next, next_area);
+            let raised = self.closeness(passing, &at, &next, k, fade, &mut worst);
+            at = next;
+            area = at.area(&gone);
             time += scale.step_s;
             let (mut lost, mut ended) = ([0.0; WIDTH], [0; WIDTH]);
             for lane in 0..WIDTH {
@@ -182,15 +183,16 @@ impl Scene<'_> {
     #[inline(always)]
     fn closeness(
         &self,
-        (at, area): (&Motion, &Area),
-        (next, next_area): (&Motion, &Area),
+        passing: Which,
+        at: &Motion,
+        next: &Motion,
         k: usize,
         fade: f32,
         worst: &mut [Wide; NEIGHBOURS_MAX],
     ) -> Wide {
         let near_s = fade * self.scale.near_s;
         let mut raised = [0.0; WIDTH];
-        for other in self.others.passing(area, next_area, k) {
+        for other in passing {
             let (required_m, per_margin) = (self.others.required_m[other], self.others.per_margin[other]);
             let overlap_s = fade * self.others.overlap_s[other];
             let ((x0, y0), (x1, y1)) = (self.others.at(k, other), self.others.at(k + 1, other));

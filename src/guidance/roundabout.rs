@@ -10,8 +10,11 @@
 //! gives everybody a lane of width s. On a circle of N robots it is the ring of circumference N s, and no robot needs
 //! to know N. It depends on positions and targets only, so it does not oscillate.
 
+#![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
+
 use super::Params;
-use super::types::{Ego, Limits, Neighbour};
+use super::types::{Ego, Limits, NEIGHBOURS_MAX, Neighbour};
+use crate::geometry::Vec2;
 
 /// Share of the horizon over which a conflict fades in.
 const FADE: f64 = 0.3;
@@ -25,43 +28,26 @@ pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, par
     }
     let mine = to * (limits.v_max_mps / left);
     let my_time = left / limits.v_max_mps;
+    let meetings = Meetings::of(ego, neighbours, mine, my_time, limits, params);
     let (mut left_side, mut right_side) = (Side::default(), Side::default());
-    for n in neighbours.iter().filter(|n| !n.arrived) {
-        let theirs = n.target_m - n.position_m;
-        let their_left = theirs.norm();
-        if their_left < 1e-6 {
+    for at in 0..NEIGHBOURS_MAX {
+        if !meetings.matters[at] {
             continue;
         }
-        let relative = mine - theirs * (limits.v_max_mps / their_left);
-        let offset = n.position_m - ego.position_m;
-        let approach = offset.dot(&relative);
-        // Diverging.
-        if approach <= 0.0 {
+        let (d, miss, lane) = (meetings.distance_m[at], meetings.miss_m[at], meetings.lane_m[at]);
+        // A clear miss on the other side is left alone.
+        let keep = if miss >= 0.0 { 1.0 } else { (1.0 + miss / params.lane_wrong_m).max(0.0) };
+        let soon = ((1.0 - meetings.time_s[at] / params.lane_horizon_s) / FADE).clamp(0.0, 1.0);
+        // Later conflicts count once neighbours close in on both sides: a big ring must not shrink too far first.
+        let close = (params.lane_close - d / lane).clamp(0.0, 1.0);
+        if keep * soon.max(close) == 0.0 {
             continue;
         }
-        let d = offset.norm();
-        let speed = relative.norm();
-        if speed < 1e-3 || d < 1e-6 {
-            continue;
-        }
-        let time = approach / speed / speed;
-        // One of them is at its target before they meet.
-        if time > my_time || time > their_left / limits.v_max_mps {
-            continue;
-        }
-        // Positive when the neighbour stays on the left, as the rule wants.
-        let miss = relative.perp(&offset) / speed;
-        let lane = n.required_distance_m + params.lane_gap_m;
         let need = libm::asin((lane / d).min(1.0)) - libm::asin((miss / d).clamp(-1.0, 1.0));
         if need <= 0.0 {
             continue;
         }
-        // A clear miss on the other side is left alone.
-        let keep = if miss >= 0.0 { 1.0 } else { (1.0 + miss / params.lane_wrong_m).max(0.0) };
-        let soon = ((1.0 - time / params.lane_horizon_s) / FADE).clamp(0.0, 1.0);
-        // Later conflicts count once neighbours close in on both sides: a big ring must not shrink too far first.
-        let close = (params.lane_close - d / lane).clamp(0.0, 1.0);
-        let side = if mine.perp(&offset) > 0.0 { &mut left_side } else { &mut right_side };
+        let side = if meetings.side[at] > 0.0 { &mut left_side } else { &mut right_side };
         side.now_rad = side.now_rad.max(need * keep * soon);
         side.later_rad = side.later_rad.max(need * keep * close);
     }
@@ -76,4 +62,65 @@ pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, par
 struct Side {
     now_rad: f64,
     later_rad: f64,
+}
+
+/// How the robot meets its neighbours when all drive straight on; one number for each of them.
+struct Meetings {
+    distance_m: [f64; NEIGHBOURS_MAX],
+    /// Until they are nearest to each other.
+    time_s: [f64; NEIGHBOURS_MAX],
+    /// How near that is; positive when the neighbour stays on the left, as the rule wants.
+    miss_m: [f64; NEIGHBOURS_MAX],
+    /// Positive for those on the left.
+    side: [f64; NEIGHBOURS_MAX],
+    /// Width of the lane between them.
+    lane_m: [f64; NEIGHBOURS_MAX],
+    matters: [bool; NEIGHBOURS_MAX],
+}
+
+impl Meetings {
+    /// Of all of them side by side, without a branch: which of them matter is hard to guess.
+    fn of(
+        ego: &Ego,
+        neighbours: &[Neighbour],
+        mine: Vec2,
+        my_time: f64,
+        limits: &Limits,
+        params: &Params,
+    ) -> Self {
+        let none = [0.0; NEIGHBOURS_MAX];
+        let (mut x, mut y, mut to_x, mut to_y, mut lane_m) = (none, none, none, none, none);
+        let mut drives = [false; NEIGHBOURS_MAX];
+        for (at, n) in neighbours.iter().take(NEIGHBOURS_MAX).enumerate() {
+            (x[at], y[at]) = (n.position_m.x - ego.position_m.x, n.position_m.y - ego.position_m.y);
+            (to_x[at], to_y[at]) = (n.target_m.x - n.position_m.x, n.target_m.y - n.position_m.y);
+            lane_m[at] = n.required_distance_m + params.lane_gap_m;
+            drives[at] = !n.arrived;
+        }
+        let v_max = limits.v_max_mps;
+        let mut all =
+            Self { distance_m: none, time_s: none, miss_m: none, side: none, lane_m, matters: drives };
+        for at in 0..NEIGHBOURS_MAX {
+            let their_left = (to_x[at] * to_x[at] + to_y[at] * to_y[at]).sqrt();
+            let share = v_max / their_left;
+            let (relative_x, relative_y) = (mine.x - to_x[at] * share, mine.y - to_y[at] * share);
+            let approach = x[at] * relative_x + y[at] * relative_y;
+            let d = (x[at] * x[at] + y[at] * y[at]).sqrt();
+            let speed = (relative_x * relative_x + relative_y * relative_y).sqrt();
+            let time = approach / speed / speed;
+            let miss = (relative_x * y[at] - relative_y * x[at]) / speed;
+            (all.distance_m[at], all.time_s[at], all.miss_m[at]) = (d, time, miss);
+            all.side[at] = mine.x * y[at] - mine.y * x[at];
+            // They come nearer, neither is at its target before they meet, and it is no clear miss.
+            all.matters[at] = drives[at]
+                & (their_left >= 1e-6)
+                & (approach > 0.0)
+                & (speed >= 1e-3)
+                & (d >= 1e-6)
+                & (time <= my_time)
+                & (time <= their_left / v_max)
+                & (miss < lane_m[at]);
+        }
+        all
+    }
 }
