@@ -12,11 +12,12 @@
 #![expect(clippy::too_many_arguments, reason = "what a rule reads, and what it remembers")]
 
 use super::Params;
+use super::direction::unit;
 use super::predict::{Predictions, align};
 use super::scene::Scene;
 use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView, Plan};
 use super::{bypass, roundabout};
-use crate::geometry::{Vec2, rotate, unit};
+use crate::geometry::{Vec2, rotate};
 
 /// Share by which a square is enlarged so that rounding cannot lose a neighbour.
 const ROUNDING: f64 = 1e-9;
@@ -46,21 +47,19 @@ pub(super) fn drive(
     if around != 0.0 || !holds(ego, neighbours, limits, params, memory) {
         let turn_rad =
             if around == 0.0 { -roundabout::rotation(ego, neighbours, limits, params) } else { around };
-        let (s, c) = libm::sincos(turn_rad);
-        memory.intent.target_m = ego.position_m + rotate(to_target, c, s);
+        memory.intent.target_m = ego.position_m + turned(to_target, turn_rad);
         // The longer it takes to get past parked robots, the closer it may pass.
         let patience = (1.0 - memory.around.spent_s / params.squeeze_s).clamp(PATIENCE_MIN, 1.0);
         let target_m = memory.intent.target_m;
         let scene = Scene::new(ego, target_m, neighbours, obstacles, limits, params, predictions, patience);
         memory.plan = Plan { turn_rad, ..scene.best(memory.intent.heading_rad) };
     } else {
-        let (s, c) = libm::sincos(memory.plan.turn_rad);
-        memory.intent.target_m = ego.position_m + rotate(to_target, c, s);
+        memory.intent.target_m = ego.position_m + turned(to_target, memory.plan.turn_rad);
     }
     let best = memory.plan;
 
-    let h = unit(ego.heading_rad);
-    let mut v = limits.v_max_mps * best.share * align(h.dot(&unit(best.heading_rad)), params);
+    let (h, direction) = (unit(ego.heading_rad), unit(best.heading_rad));
+    let mut v = limits.v_max_mps * best.share * align(h.dot(&direction), params);
     v = v.min(arc_speed(h, to_target, to_target.norm(), limits, params));
     // Stop short of contact while not blocked, so that there is room left to slip aside.
     let calm = (1.0 - memory.progress.blocked_s / params.blocked_enter_s.max(limits.period_s)).max(0.0);
@@ -81,7 +80,21 @@ pub(super) fn drive(
     {
         v = v.min(q);
     }
-    Drive { heading_rad: best.heading_rad, speed_cap_mps: v, intent_speed_mps: best.mean_speed_mps }
+    Drive {
+        heading_rad: best.heading_rad,
+        direction,
+        speed_cap_mps: v,
+        intent_speed_mps: best.mean_speed_mps,
+    }
+}
+
+/// `v` turned counter-clockwise.
+fn turned(v: Vec2, angle_rad: f64) -> Vec2 {
+    if angle_rad == 0.0 {
+        return v;
+    }
+    let direction = unit(angle_rad);
+    rotate(v, direction.x, direction.y)
 }
 
 /// Speed at which the arc of the largest turn rate still reaches the target instead of circling it.

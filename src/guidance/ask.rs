@@ -4,8 +4,8 @@
 //! the other half.
 
 use super::Params;
+use super::direction::unit;
 use super::types::{Drive, Ego, Limits, Memory, Neighbour};
-use crate::geometry::unit;
 
 /// Published as `Intent::blocked_s` while asking.
 pub(super) const ASKING_S: f64 = 100.0;
@@ -38,5 +38,5 @@ pub(super) fn drive(
             v = v.min(params.row_rate * (seen.gap_m - if blocks { room * closing } else { 0.0 }).max(0.0));
         }
     }
-    Drive { heading_rad: bearing_rad, speed_cap_mps: v, intent_speed_mps: v }
+    Drive { heading_rad: bearing_rad, direction: unit(bearing_rad), speed_cap_mps: v, intent_speed_mps: v }
 }

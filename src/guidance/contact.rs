@@ -1,24 +1,21 @@
 //! Contact: a heading into something that is touched is no motion, so it is made tangential and slightly outward.
 
-use super::types::{Ego, Neighbour, ObstacleView};
-use crate::geometry::{Vec2, unit};
+use super::types::{Drive, Ego, Neighbour, ObstacleView};
+use crate::geometry::Vec2;
 
 /// Outward part of the direction at contact.
 const LEAN: f64 = 0.08;
 /// Clearance that allows heading straight in.
 const CREEP_M: f64 = 0.05;
 
-/// Heading that the hard rows of these neighbours and obstacles let pass at creeping speed.
+/// Heading, and its unit vector, that the hard rows of these neighbours and obstacles let pass at creeping speed.
 pub(super) fn slide(
     ego: &Ego,
-    heading_rad: f64,
+    drive: &Drive,
     neighbours: &[Neighbour],
     obstacles: &[ObstacleView],
-) -> f64 {
-    if neighbours.is_empty() && obstacles.is_empty() {
-        return heading_rad;
-    }
-    let mut direction = unit(heading_rad);
+) -> (f64, Vec2) {
+    let mut direction = drive.direction;
     let mut changed = false;
     let mut touch = |normal: Vec2, gap: f64| {
         let floor = LEAN - gap.max(0.0) / CREEP_M;
@@ -39,5 +36,5 @@ pub(super) fn slide(
         let (normal, gap) = o.clearance(ego.position_m);
         touch(normal, gap);
     }
-    if changed { libm::atan2(direction.y, direction.x) } else { heading_rad }
+    (if changed { libm::atan2(direction.y, direction.x) } else { drive.heading_rad }, direction)
 }

@@ -75,7 +75,7 @@ pub(super) fn drive(ego: &Ego, spot_m: Vec2, limits: &Limits) -> Drive {
     let heading_rad = if left > REACHED_M { libm::atan2(to.y, to.x) } else { ego.heading_rad };
     let e = wrap(heading_rad - ego.heading_rad).abs();
     let v = (left / limits.period_s).min(SPEED_SHARE * limits.v_max_mps) * (1.0 - 2.0 * e).max(0.0);
-    Drive { heading_rad, speed_cap_mps: v, intent_speed_mps: v }
+    Drive { heading_rad, direction: unit(heading_rad), speed_cap_mps: v, intent_speed_mps: v }
 }
 
 /// Where the other means to go: its spot while it gives way itself, otherwise its target.

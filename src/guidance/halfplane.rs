@@ -97,6 +97,7 @@ pub(super) fn drive(
     let e = wrap(heading_rad - ego.heading_rad).abs();
     Drive {
         heading_rad,
+        direction: unit(heading_rad),
         speed_cap_mps: wanted * (1.0 - params.align_slope * e).max(0.0),
         intent_speed_mps: wanted,
     }

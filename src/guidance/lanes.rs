@@ -11,24 +11,6 @@ pub(super) const WIDTH: usize = 16;
 /// One number for each of them.
 pub(super) type Wide = [f32; WIDTH];
 
-/// Cosine and sine of an angle in [−π, π], 1e-7 off at most: polynomials about the nearest quarter turn, the
-/// coefficients as in Cephes (`sinf`, `cosf`), and no branch.
-#[inline(always)]
-pub(super) fn direction(angle_rad: f32) -> (f32, f32) {
-    // Adding it leaves whole numbers.
-    const WHOLE: f32 = 12_582_912.0;
-    // π/2 as a short number and the rest.
-    const QUARTER: (f32, f32) = (1.570_312_5, 4.838_267_9e-4);
-    let quarters = (angle_rad * core::f32::consts::FRAC_2_PI + WHOLE) - WHOLE;
-    let a = (angle_rad - quarters * QUARTER.0) - quarters * QUARTER.1;
-    let a2 = a * a;
-    let sin = a + a * a2 * (-1.666_665_5e-1 + a2 * (8.332_161e-3 - a2 * 1.951_529_6e-4));
-    let cos = 1.0 - 0.5 * a2 + a2 * a2 * (4.166_664_6e-2 + a2 * (-1.388_731_6e-3 + a2 * 2.443_315_7e-5));
-    let across = quarters.abs() == 1.0;
-    let back = if quarters.abs() == 2.0 { -1.0 } else { 1.0 };
-    (if across { -quarters * sin } else { back * cos }, if across { quarters * cos } else { back * sin })
-}
-
 /// One of all the numbers: half of them against the other half, and so on.
 #[inline(always)]
 fn reduce(wide: &Wide, choose: impl Fn(f32, f32) -> f32) -> f32 {
@@ -90,22 +72,5 @@ impl Row {
         (self.direction_x[lane], self.direction_y[lane]) = (x, y);
         (self.share[lane], self.cost[lane]) = (share, base);
         self.count += 1;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::others::single;
-    use super::*;
-
-    #[test]
-    fn directions_are_those_of_the_library_to_a_millionth_of_a_tenth() {
-        for i in -100_000..=100_000 {
-            let angle_rad = single(std::f64::consts::PI * f64::from(i) / 100_000.0);
-            let (cos, sin) = direction(angle_rad);
-            let (exact_sin, exact_cos) = libm::sincos(f64::from(angle_rad));
-            let off = (f64::from(cos) - exact_cos).abs().max((f64::from(sin) - exact_sin).abs());
-            assert!(off < 1e-7, "{angle_rad}: {off}");
-        }
     }
 }

@@ -15,13 +15,14 @@
 //!
 //! `contact` bends the result where something is touched.
 
-use crate::geometry::{rotate, unit, wrap};
+use crate::geometry::wrap;
 mod anticipate;
 mod ask;
 mod bypass;
 mod candidates;
 pub(crate) mod checkpoint;
 mod contact;
+mod direction;
 mod giveway;
 mod halfplane;
 mod lanes;
@@ -90,7 +91,7 @@ pub fn guide(
     };
 
     let touching = if memory.progress.still_s > params.slide_after_s { neighbours } else { &[] };
-    let heading_rad = contact::slide(ego, drive.heading_rad, touching, obstacles);
+    let (heading_rad, direction) = contact::slide(ego, &drive, touching, obstacles);
     memory.intent = Intent {
         heading_rad,
         speed_mps: drive.intent_speed_mps,
@@ -99,11 +100,10 @@ pub fn guide(
         ..memory.intent
     };
     let beta_rad = wrap(heading_rad - bearing);
-    let (s, c) = libm::sincos(beta_rad);
     Guidance {
         // The spot to give way at is no target: V has nothing to say about it, only the direction counts.
         reference_m: ego.position_m
-            + if spot.is_some() { unit(heading_rad) * limits.v_max_mps } else { rotate(to_target, c, s) },
+            + direction * if spot.is_some() { limits.v_max_mps } else { to_target.norm() },
         speed_cap_mps: drive.speed_cap_mps,
         beta_rad,
         intent: memory.intent,

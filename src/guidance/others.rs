@@ -81,6 +81,7 @@ pub(super) fn most(a: f32, b: f32) -> f32 {
 }
 
 impl Others {
+    #[inline(always)]
     pub(super) fn none() -> Self {
         Self {
             x_m: [[NOWHERE_M; NEIGHBOURS_MAX]; STEPS + 1],
@@ -94,14 +95,12 @@ impl Others {
         }
     }
 
-    /// Adds a neighbour that stands `offset` from the robot; it slows down whoever is nearer than `slow_m`.
-    pub(super) fn push(&mut self, offset: Vec2, path: &Path, distances_m: [f64; 3], params: &Params) {
+    /// Adds a neighbour that stands `offset` from the robot; `distances_m`: the one to keep, within how much beyond it
+    /// closeness costs, and from where on it slows others down.
+    #[inline]
+    pub(super) fn push(&mut self, offset: Vec2, distances_m: [f64; 3], params: &Params) {
         let lane = self.count;
-        let (x, y) = (single(offset.x), single(offset.y));
-        (self.x_m[0][lane], self.y_m[0][lane]) = (x, y);
-        for k in 0..STEPS {
-            (self.x_m[k + 1][lane], self.y_m[k + 1][lane]) = (x + path.x_m[k], y + path.y_m[k]);
-        }
+        (self.x_m[0][lane], self.y_m[0][lane]) = (single(offset.x), single(offset.y));
         let [required_m, margin_m, slow_m] = distances_m.map(single);
         (self.required_m[lane], self.per_margin[lane]) = (required_m, 1.0 / margin_m);
         self.overlap_s[lane] = single(params.overlap_weight) / required_m;
@@ -109,6 +108,17 @@ impl Others {
         self.slow_m2[lane] = slow_m * slow_m;
         self.close_m2[lane] = close_m * close_m * (1.0 + ROUNDING);
         self.count += 1;
+    }
+
+    /// Lays the paths of those added side by side, four by four.
+    #[inline]
+    pub(super) fn lay<'p>(&mut self, path: impl Fn(usize) -> Option<&'p Path>) {
+        let nowhere = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
+        for first in (0..self.count).step_by(4) {
+            let paths: [&Path; 4] = std::array::from_fn(|i| path(first + i).unwrap_or(&nowhere));
+            lay_four(&mut self.x_m, first, paths.map(|path| &path.x_m));
+            lay_four(&mut self.y_m, first, paths.map(|path| &path.y_m));
+        }
     }
 
     /// Where the neighbour of a lane is when step `k` begins.
@@ -150,6 +160,21 @@ impl Others {
     }
 }
 
+/// The rows of `paths`, from where the four lanes from `first` on begin, as columns.
+#[inline]
+fn lay_four(out_m: &mut [Lanes; STEPS + 1], first: usize, paths: [&[f32; STEPS]; 4]) {
+    let start: [f32; 4] = std::array::from_fn(|i| out_m[0][first + i]);
+    for k in (0..STEPS).step_by(4) {
+        let rows: [[f32; 4]; 4] =
+            std::array::from_fn(|i| std::array::from_fn(|j| start[i] + paths[i][k + j]));
+        for j in 0..4 {
+            for i in 0..4 {
+                out_m[k + 1 + j][first + i] = rows[i][j];
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,12 +193,19 @@ mod tests {
             let margin_m = single(params.prox_margin_m);
             let mut others = Others::none();
             let count = starts.len();
+            let mut paths = Vec::new();
             for (x, y, vx, vy) in starts {
                 let path = Path {
                     x_m: std::array::from_fn(|k| single(vx * (0.16 * (k + 1) as f64))),
                     y_m: std::array::from_fn(|k| single(vy * (0.16 * (k + 1) as f64))),
                 };
-                others.push(Vec2::new(x, y), &path, [0.45, params.prox_margin_m, 0.87], &params);
+                others.push(Vec2::new(x, y), [0.45, params.prox_margin_m, 0.87], &params);
+                paths.push(path);
+            }
+            others.lay(|lane| paths.get(lane));
+            for (lane, path) in paths.iter().enumerate() {
+                let (x, y) = others.at(0, lane);
+                prop_assert_eq!(others.at(k + 1, lane), (x + path.x_m[k], y + path.y_m[k]));
             }
             let (p, next) = ((x, y), (x + dx, y + dy));
             // An area with the beginning in one of its corners.

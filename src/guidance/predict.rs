@@ -7,7 +7,8 @@
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::Params;
-use super::lanes::{WIDTH, Wide, direction};
+use super::direction::unit_single;
+use super::lanes::{WIDTH, Wide};
 use super::others::{least, most, single};
 use super::types::{Limits, Neighbour};
 use crate::geometry::wrap;
@@ -173,21 +174,21 @@ impl Row {
                 return unsafe { self.steps_avx2(turn, params, places) };
             }
         }
-        self.steps_of_all(turn, params, places)
+        self.steps_of_all(turn, params, places);
     }
 
     /// [`steps_of_all`](Self::steps_of_all) for wider registers: the same operations, and so the same bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl")]
     fn steps_avx512(&self, turn: Turn, params: &Params, places: &mut Places) {
-        self.steps_of_all(turn, params, places)
+        self.steps_of_all(turn, params, places);
     }
 
     /// [`steps_of_all`](Self::steps_of_all) for wide registers: the same operations, and so the same bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn steps_avx2(&self, turn: Turn, params: &Params, places: &mut Places) {
-        self.steps_of_all(turn, params, places)
+        self.steps_of_all(turn, params, places);
     }
 
     /// The positions at the ends of the steps, m.
@@ -198,8 +199,8 @@ impl Row {
         let (mut x, mut y, mut hx, mut hy) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
         let (mut published_x, mut published_y) = ([0.0; WIDTH], [0.0; WIDTH]);
         for lane in 0..WIDTH {
-            (hx[lane], hy[lane]) = direction(self.heading_rad[lane]);
-            (published_x[lane], published_y[lane]) = direction(self.published_rad[lane]);
+            (hx[lane], hy[lane]) = unit_single(self.heading_rad[lane]);
+            (published_x[lane], published_y[lane]) = unit_single(self.published_rad[lane]);
         }
         let mut time = 0.0;
         for k in 0..STEPS {
@@ -245,9 +246,9 @@ mod tests {
         let both = |v: Vec2| (single(v.x), single(v.y));
         let (dt, hold_s) = (single(params.step_s), single(params.hold_s));
         let (target, published) =
-            (both(n.intent.target_m - n.position_m), direction(single(wrap(n.intent.heading_rad))));
+            (both(n.intent.target_m - n.position_m), unit_single(single(wrap(n.intent.heading_rad))));
         let speed = single(n.intent.speed_mps.max(params.other_speed_min_mps));
-        let (mut x, mut y, mut h, mut time) = (0.0, 0.0, direction(single(wrap(n.heading_rad))), 0.0);
+        let (mut x, mut y, mut h, mut time) = (0.0, 0.0, unit_single(single(wrap(n.heading_rad))), 0.0);
         for k in 0..STEPS {
             let to = (target.0 - x, target.1 - y);
             let left = (to.0 * to.0 + to.1 * to.1).sqrt();

@@ -10,12 +10,13 @@
 
 use super::Params;
 use super::candidates::{Best, DEFLECTIONS_RAD, SPEEDS, biases, directions};
+use super::direction::unit;
 use super::lanes::{Row, WIDTH};
 use super::others::{Others, single};
 use super::predict::{Predictions, STEPS, Turn};
 use super::rollout::ON_TARGET_M;
 use super::types::{Ego, Limits, Neighbour, ObstacleView, Plan};
-use crate::geometry::{Vec2, unit, wrap};
+use crate::geometry::{Vec2, wrap};
 
 /// Share of the times that rounding may take off the bound of a cost; four times what it does.
 const ROUNDING: f32 = 4e-6;
@@ -81,6 +82,7 @@ impl Scale {
 }
 
 impl<'a> Scene<'a> {
+    #[inline]
     pub(super) fn new(
         ego: &'a Ego,
         target: Vec2,
@@ -114,9 +116,13 @@ impl<'a> Scene<'a> {
         for n in neighbours {
             let margin_m = if n.arrived { params.parked_margin_m * patience } else { params.prox_margin_m };
             let slow_m = n.required_distance_m + limits.v_max_mps / params.row_rate;
-            let distances_m = [n.required_distance_m, margin_m, slow_m];
-            scene.others.push(n.position_m - ego.position_m, predictions.of(n.index), distances_m, params);
+            scene.others.push(
+                n.position_m - ego.position_m,
+                [n.required_distance_m, margin_m, slow_m],
+                params,
+            );
         }
+        scene.others.lay(|lane| neighbours.get(lane).map(|n| predictions.of(n.index)));
         scene
     }
 

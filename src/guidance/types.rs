@@ -191,6 +191,8 @@ pub(super) struct Way {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
     pub(super) heading_rad: f64,
+    /// Unit vector of it.
+    pub(super) direction: Vec2,
     pub(super) speed_cap_mps: f64,
     /// Mean speed to publish.
     pub(super) intent_speed_mps: f64,
