@@ -1,0 +1,104 @@
+//! Who answers which robot changes nothing.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::rig::{Ready, Rig};
+use super::support::World;
+use super::{group, regional, swap8};
+use crate::config::PublishAt;
+use crate::controller::{Decision, RobotGroup};
+use crate::runtime::decider::Decider;
+use crate::scenario::Scenario;
+use crate::wire::{RobotCheckpoint, RobotState};
+
+/// Asks for other regions in every `every`-th period, empty ones among them, before its deadline comes.
+fn restless(workers: usize, every: u64, places: usize) -> Ready {
+    Box::new(move |board, tick| {
+        if tick.is_multiple_of(every) {
+            let round = usize::try_from(tick / every).unwrap();
+            let mut cuts: Vec<_> = (1..workers).map(|w| (5 * round + 3 * w * w) % (places + 1)).collect();
+            cuts.extend([0, places]);
+            cuts.sort_unstable();
+            board.regions.want(&cuts);
+        }
+        board.staging.complete(tick)
+    })
+}
+
+/// However many workers, and whoever answers a robot in which period: the bits of fixed shares.
+#[test]
+fn regions_and_their_changes_change_nothing() {
+    const TICKS: u64 = 60;
+    let world = World::new("regions");
+    let field = Scenario::builtin("random-20-1").unwrap();
+    let rig = Rig::new(&world, field.clone(), 2, TICKS);
+    let make = group(&rig.config);
+    let fixed = rig.run(make).0.states;
+    assert_eq!(fixed.len() as u64, TICKS);
+    for (workers, every) in [(1, 1), (2, 1), (3, 1), (2, 7), (3, 7), (8, 2)] {
+        let mut rig = Rig::new(&world, field.clone(), workers, TICKS);
+        rig.config.timing.publish = PublishAt::Deadline;
+        rig.ready = restless(workers, every, field.robots.len());
+        let make = regional(&rig.config);
+        let (seen, board) = rig.run(make);
+        assert!(seen.states == fixed, "{workers} workers, other regions every {every} periods");
+        assert!(board.regions.adopted() >= TICKS / every - 1);
+    }
+}
+
+/// A regional group that panics while it holds the controller of robot 3 in period 5.
+struct Panicking {
+    group: RobotGroup,
+    panics: Arc<AtomicU64>,
+}
+
+impl Decider for Panicking {
+    fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
+        unreachable!("it is regional");
+    }
+
+    fn is_regional(&self) -> bool {
+        true
+    }
+
+    fn decide_region(
+        &mut self,
+        region: (u64, Range<usize>),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        let tick = region.0;
+        self.group.decide_region(region, fleet, remember, &mut |index, decision| {
+            if (tick, index) == (5, 3) {
+                self.panics.fetch_add(1, Ordering::Relaxed);
+                std::panic::resume_unwind(Box::new("a fault, injected"));
+            }
+            each(index, decision);
+        });
+    }
+}
+
+#[test]
+fn a_robot_whose_controller_was_lost_in_a_panic_drives_on_with_a_new_one_in_any_region() {
+    let world = World::new("lost");
+    let mut rig = Rig::new(&world, swap8(), 2, 20);
+    rig.config.timing.publish = PublishAt::Deadline;
+    let restless = restless(2, 1, 8);
+    rig.ready = Box::new(move |board, tick| restless(board, tick) || tick == 5 && board.complete(tick));
+    let make = regional(&rig.config);
+    let panics = Arc::new(AtomicU64::new(0));
+    let counted = Arc::clone(&panics);
+    let (seen, board) = rig.run(move |owned| Panicking { group: make(owned), panics: Arc::clone(&counted) });
+    assert_eq!((panics.load(Ordering::Relaxed), board.worker_panics.load(Ordering::Relaxed)), (1, 1));
+    for robot in 0..8 {
+        let stopped: Vec<_> = (1..21).filter(|k| seen.commands[*k].1[robot].stop_reason != 0).collect();
+        // Period 5 is answered by the commands of period 6.
+        assert!(
+            if robot == 3 { stopped == [6] } else { stopped.is_empty() || stopped == [6] },
+            "{stopped:?}"
+        );
+    }
+}
