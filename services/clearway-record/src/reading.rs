@@ -97,9 +97,9 @@ pub enum Ending {
 }
 
 /// Reads one file from its beginning. Memory is bounded by its largest chunk.
-pub struct Reading {
+pub struct Reading<R = File> {
     path: PathBuf,
-    file: File,
+    file: R,
     reader: LinearReader,
     channels: HashMap<u16, String>,
     offset: u64,
@@ -118,20 +118,27 @@ impl Reading {
         let unreadable = |source| ReadError::Unreadable { path: path.to_owned(), source };
         let file = File::open(path).map_err(unreadable)?;
         let about = file.metadata().map_err(unreadable)?;
+        Ok(Self::of(path, file, about.len()))
+    }
+}
+
+impl<R: Read> Reading<R> {
+    /// Reads the `size` bytes of `file`, which errors call `path`.
+    pub fn of(path: &Path, file: R, size: u64) -> Self {
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(RECORD_BYTES_MAX);
-        Ok(Self {
+        Self {
             path: path.to_owned(),
             file,
             reader: LinearReader::new_with_options(options),
             channels: HashMap::new(),
             offset: 0,
-            size: about.len(),
+            size,
             tick: None,
             ours: false,
             ending: None,
-        })
+        }
     }
 
     /// How it ended; `None` before the end.

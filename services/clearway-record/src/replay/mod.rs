@@ -266,7 +266,8 @@ impl Replay {
         self.group.solve(&state.robots, Timing::LogicalExecutionTime, |_, decision| {
             commands.push(decision.command);
         });
-        self.follows = remembered.iter().all(|known| *known).then_some((epoch, tick + 1));
+        let next = tick.checked_add(1).filter(|_| remembered.iter().all(|known| *known));
+        self.follows = next.map(|next| (epoch, next));
         let Some(sent) = &entry.command else {
             self.not_compared(entry);
             return Ok(());
@@ -279,7 +280,7 @@ impl Replay {
         self.outcome.periods += 1;
         match self.last {
             Some((known, last)) if known == epoch => {
-                let missing = tick.saturating_sub(last + 1);
+                let missing = tick.saturating_sub(last.saturating_add(1));
                 self.outcome.missing_ticks += missing;
                 let skipped = checkpoint.map_or(0, |c| c.header.skipped_periods);
                 self.outcome.skipped_periods += skipped.min(missing);
@@ -340,7 +341,7 @@ impl Replay {
                 self.outcome.different_commands += 1;
                 if self.outcome.first_difference.is_none() {
                     // The tick of the command sample, as it stands in the recording.
-                    let (tick, robot) = (tick + 1, robot.id);
+                    let (tick, robot) = (tick.saturating_add(1), robot.id);
                     self.outcome.first_difference =
                         Some(Difference { epoch, tick, robot, field, recorded, solved });
                 }
