@@ -161,17 +161,22 @@ impl Law {
         let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
         self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
-        self.largest_radius_m = fleet.iter().map(|robot| robot.radius_m).fold(0.0f64, f64::max);
         let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
         let unseen_m = self.find_strangers(fleet);
         self.unknown_m = self.untrusted_m.max(unseen_m + way_m) + self.lost_m;
     }
 
-    /// Lists the strangers of this period; the largest uncertainty of the others, m.
+    /// Lists the strangers of this period, and notes the largest radius of all; the largest uncertainty of the
+    /// others, m.
     fn find_strangers(&mut self, fleet: &[RobotState]) -> f64 {
         self.strangers.clear();
         let (mut unseen_m, mut nowhere) = (0.0f64, false);
-        for (index, robot) in fleet.iter().enumerate().filter(|(_, robot)| !robot.has(state_flags::VACANT)) {
+        self.largest_radius_m = 0.0;
+        for (index, robot) in fleet.iter().enumerate() {
+            self.largest_radius_m = self.largest_radius_m.max(robot.radius_m);
+            if robot.has(state_flags::VACANT) {
+                continue;
+            }
             let foreign = self.foreign_speed_mps[index].is_some();
             // One that may be anywhere stops all; a second one changes nothing.
             let first = !robot.uncertainty_m.is_finite() && !std::mem::replace(&mut nowhere, true);
@@ -251,7 +256,7 @@ struct Workspace {
     around: Surroundings,
     near: Neighbourhood,
     /// Those of them that the guidance is shown.
-    neighbours: Vec<Neighbour>,
+    neighbours: [Neighbour; guidance::NEIGHBOURS_MAX],
     predictions: Predictions,
     programme: Programme,
     solution: Solution,
@@ -332,7 +337,7 @@ impl RobotGroup {
             workspace: Workspace {
                 around: Surroundings::with_capacity(robots, cell_m),
                 near: Neighbourhood::with_capacity(robots),
-                neighbours: Vec::with_capacity(guidance::NEIGHBOURS_MAX),
+                neighbours: [Neighbour::default(); guidance::NEIGHBOURS_MAX],
                 predictions: Predictions::for_robots(robots),
                 programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),
                 solution: Solution::with_capacity(rows),
@@ -455,19 +460,20 @@ impl RobotGroup {
             return false;
         }
         self.law.prepare(fleet, timing);
-        for (predicted, now) in self.predicted.iter_mut().zip(fleet) {
+        let law = &self.law;
+        self.workspace.around.build(self.predicted.iter_mut().zip(fleet).map(|(predicted, now)| {
             *predicted = *now;
             if timing == Timing::LogicalExecutionTime {
-                predicted.set_pose(now.arc().pose(self.law.period_s));
+                predicted.set_pose(now.arc().pose(law.period_s));
             }
-            let lead_m = self.law.reach(now).lead_m;
+            let lead_m = law.reach(now).lead_m;
             if lead_m > 0.0 {
                 // Robots are compared where they come to rest on the commands that are out.
                 let pose = predicted.pose();
                 predicted.set_pose(Pose { position_m: pose.position_m + pose.heading() * lead_m, ..pose });
             }
-        }
-        self.workspace.around.build(&self.predicted);
+            &*predicted
+        }));
         self.workspace.predictions.begin();
         true
     }

@@ -74,6 +74,7 @@ fn told(intent: &Intent, waypoint_m: Vec2) -> RobotIntent {
 
 /// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal, and
 /// a foreign one, of which nothing is known, to stand.
+#[inline]
 fn seen(law: &Law, own: &RobotState, other: &RobotState, index: usize, foreign: bool) -> Neighbour {
     let (position_m, goal_m) = (other.position_m(), other.goal_m());
     let (intent, target_m) = if other.intent.valid == 1 {
@@ -351,7 +352,7 @@ impl RobotController {
         law: &Law,
         fleet: &[RobotState],
         near: &[Nearby],
-        (neighbours, predictions): (&mut Vec<Neighbour>, &mut Predictions),
+        (neighbours, predictions): (&mut [Neighbour; NEIGHBOURS_MAX], &mut Predictions),
     ) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
@@ -369,10 +370,11 @@ impl RobotController {
                 guidance: straight(self.goal_m, law.limits.v_max_mps),
             };
         }
-        let foreign = |n: &Nearby| law.foreign_speed_mps[n.index].is_some();
-        neighbours.clear();
-        let nearest = near.iter().take(NEIGHBOURS_MAX);
-        neighbours.extend(nearest.map(|n| seen(law, own, &fleet[n.index], n.index, foreign(n))));
+        let mut count = 0;
+        for (slot, n) in neighbours.iter_mut().zip(near) {
+            *slot = seen(law, own, &fleet[n.index], n.index, law.foreign_speed_mps[n.index].is_some());
+            count += 1;
+        }
         self.near_views.clear();
         self.near_views.extend(self.views.iter().filter(|o| o.clearance(here).1 < OBSTACLE_RANGE_M));
         self.near_views.sort_unstable_by(|a, b| a.clearance(here).1.total_cmp(&b.clearance(here).1));
@@ -396,7 +398,7 @@ impl RobotController {
         };
         let guidance = guidance::guide(
             &ego,
-            neighbours,
+            &neighbours[..count],
             &self.near_views,
             &limits,
             &law.guidance,

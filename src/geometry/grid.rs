@@ -94,6 +94,7 @@ impl Grid {
 
     /// Calls `each` with ranges of [`order`](Self::order) that together hold every point within
     /// `reach_m` of `p`, none of them twice, and some that are farther.
+    #[inline]
     pub fn near(&self, p: Vec2, reach_m: f64, mut each: impl FnMut(Range<usize>)) {
         let span = |x: f64| {
             let (low, high) = (self.along(x - reach_m), self.along(x + reach_m));

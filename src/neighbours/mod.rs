@@ -7,10 +7,12 @@
 //! within reach. The lists have room for the whole fleet from the start, so nothing is ever truncated
 //! and nothing allocates.
 
+mod look;
 mod rank;
 
-use crate::geometry::Grid;
+use crate::geometry::{Grid, Vec2};
 use crate::wire::{RobotState, state_flags};
+use look::{Circle, Found};
 use rank::{RANKED_MAX, roots};
 
 /// Another robot of the fleet, seen from one.
@@ -28,8 +30,11 @@ pub struct Nearby {
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     grid: Grid,
-    /// Indices of the places that are taken, as the grid got them.
+    /// Indices of the places that are taken, as the grid got them, and who stands there and where.
     taken: Vec<u32>,
+    seen: Vec<(Vec2, u32)>,
+    /// Indices of the others.
+    free: Vec<u32>,
     /// Indices of the robots, in the grid's order.
     sorted: Vec<u32>,
     /// Where they are, and who.
@@ -47,6 +52,8 @@ impl Surroundings {
         Self {
             grid: Grid::with_capacity(robots, cell_m),
             taken: indices(),
+            seen: Vec::with_capacity(robots),
+            free: indices(),
             sorted: indices(),
             x_m: Vec::with_capacity(robots),
             y_m: Vec::with_capacity(robots),
@@ -55,30 +62,37 @@ impl Surroundings {
         }
     }
 
-    /// Takes in where the robots are.
+    /// Takes in where the robots are, in one pass over `fleet`.
     ///
     /// A fleet larger than the capacity would allocate; the controller never passes one.
-    pub fn build(&mut self, fleet: &[RobotState]) {
-        let is_free = |robot: &RobotState| robot.has(state_flags::VACANT);
-        self.taken.clear();
-        self.taken.extend((0u32..).zip(fleet).filter(|(_, robot)| !is_free(robot)).map(|(index, _)| index));
-        self.grid.build(self.taken.iter().map(|i| fleet[*i as usize].position_m()));
-        self.sorted.clear();
-        self.sorted.extend(self.grid.order().iter().map(|at| self.taken[*at as usize]));
-        (self.x_m.clear(), self.y_m.clear(), self.ids.clear());
-        for robot in self.sorted.iter().map(|i| &fleet[*i as usize]) {
-            self.x_m.push(robot.x_m);
-            self.y_m.push(robot.y_m);
-            self.ids.push(robot.id);
+    pub fn build<'a>(&mut self, fleet: impl IntoIterator<Item = &'a RobotState>) {
+        (self.taken.clear(), self.free.clear(), self.seen.clear());
+        let (taken, free, seen) = (&mut self.taken, &mut self.free, &mut self.seen);
+        self.grid.build((0u32..).zip(fleet).filter_map(|(index, robot)| {
+            if robot.has(state_flags::VACANT) {
+                free.push(index);
+                return None;
+            }
+            taken.push(index);
+            seen.push((robot.position_m(), robot.id));
+            Some(robot.position_m())
+        }));
+        (self.sorted.clear(), self.x_m.clear(), self.y_m.clear(), self.ids.clear());
+        for at in self.grid.order() {
+            let (position_m, id) = self.seen[*at as usize];
+            self.sorted.push(self.taken[*at as usize]);
+            self.x_m.push(position_m.x);
+            self.y_m.push(position_m.y);
+            self.ids.push(id);
         }
         // Spread evenly, so that parts of equal length have equally many robots.
-        let mut free = (0u32..).zip(fleet).filter(|(_, robot)| is_free(robot)).map(|(index, _)| index);
-        let (mut robots, mut passed) = (self.sorted.iter().copied(), 0);
+        let places = self.sorted.len() + self.free.len();
+        let (mut robots, mut free, mut passed) = (self.sorted.iter().copied(), self.free.iter().copied(), 0);
         self.order.clear();
-        self.order.extend((0..fleet.len()).filter_map(|_| {
-            passed += self.taken.len();
-            if passed >= fleet.len() {
-                passed -= fleet.len();
+        self.order.extend((0..places).filter_map(|_| {
+            passed += self.sorted.len();
+            if passed >= places {
+                passed -= places;
                 robots.next()
             } else {
                 free.next()
@@ -110,10 +124,8 @@ pub struct Neighbourhood {
     /// The first `listed` are the list, nearest first.
     list: Vec<Nearby>,
     listed: usize,
-    /// Places in the cells of those within the distance looked at, and their squared distances, m²; as the
-    /// cells gave them, and one place more.
-    found: Vec<u32>,
-    squared_m2: Vec<f64>,
+    /// Those within the distance looked at.
+    found: Found,
 }
 
 /// What a place of a list holds before somebody does.
@@ -122,8 +134,8 @@ const NOBODY: Nearby = Nearby { distance_m: 0.0, id: 0, index: 0 };
 impl Neighbourhood {
     /// With room for a fleet of `robots`.
     pub fn with_capacity(robots: usize) -> Self {
-        let places = RANKED_MAX.max(robots + 1);
-        Self { list: vec![NOBODY; places], listed: 0, found: vec![0; places], squared_m2: vec![0.0; places] }
+        let list = vec![NOBODY; RANKED_MAX.max(robots + 1)];
+        Self { list, listed: 0, found: Found::with_capacity(robots, RANKED_MAX) }
     }
 
     /// Lists the robots near robot `me`, as far as `sight` says.
@@ -149,7 +161,7 @@ impl Neighbourhood {
             let wider = (1.4 * sight.nearest as f64 / (1 + count) as f64).sqrt();
             look_m = (look_m * wider.clamp(1.2, 2.0)).min(farthest_m);
         };
-        self.sort(around, count);
+        self.sort(around);
         let beyond = self.list[..count].get(sight.nearest);
         self.listed = match beyond {
             None => count,
@@ -180,45 +192,32 @@ impl Neighbourhood {
 
     /// Finds the robots within `range_m`, in any order; how many.
     fn within(&mut self, around: &Surroundings, fleet: &[RobotState], me: usize, range_m: f64) -> usize {
-        let (here, most_m2) = (fleet[me].position_m(), range_m * range_m);
-        let mut count = 0;
-        let (found, squares_m2) = (&mut self.found[..], &mut self.squared_m2[..]);
-        around.grid.near(here, range_m, |range| {
-            let mut last = count;
-            let places = (0u32..).skip(range.start);
-            for (at, (x_m, y_m)) in places.zip(around.x_m[range.clone()].iter().zip(&around.y_m[range])) {
-                let (x_m, y_m) = (x_m - here.x, y_m - here.y);
-                let squared_m2 = x_m * x_m + y_m * y_m;
-                // Written in any case and kept if it is near: nothing to guess for the processor.
-                (found[last], squares_m2[last]) = (at, squared_m2);
-                last += usize::from(squared_m2 <= most_m2);
-            }
-            count = last;
-        });
+        let found = &mut self.found;
+        let circle = Circle { centre_m: fleet[me].position_m(), radius_m: range_m };
+        found.look(&around.grid, circle, &around.x_m, &around.y_m);
         // Without oneself.
         let is_me = |at: &u32| around.sorted[*at as usize] as usize == me;
-        if let Some(own) = self.found[..count].iter().position(is_me) {
-            count -= 1;
-            self.found.swap(own, count);
-            self.squared_m2.swap(own, count);
+        if let Some(own) = found.places().iter().position(is_me) {
+            found.remove(own);
         }
-        count
+        found.places().len()
     }
 
-    /// Lists the first `count` of those found, nearest first.
-    fn sort(&mut self, around: &Surroundings, count: usize) {
+    /// Lists those found, nearest first.
+    fn sort(&mut self, around: &Surroundings) {
         let near = |at: u32, distance_m: f64| {
             let at = at as usize;
             Nearby { distance_m, id: around.ids[at], index: around.sorted[at] as usize }
         };
-        let found = &self.found[..count];
-        if let (Ok(list), Some(squares_m2)) =
-            (<&mut [_; RANKED_MAX]>::try_from(&mut self.list[..RANKED_MAX]), self.squared_m2.first_chunk())
-            && count <= RANKED_MAX
+        let (places, squares_m2) = (self.found.places(), self.found.squares_m2());
+        let count = places.len();
+        if count <= RANKED_MAX
+            && let (Some(list), Some(squares_m2)) = (self.list.first_chunk_mut(), squares_m2.first_chunk())
         {
+            let list: &mut [Nearby; RANKED_MAX] = list;
             let ranked = roots(squares_m2, count);
             let mut taken = 0u64;
-            for (k, at) in found.iter().enumerate() {
+            for (k, at) in places.iter().enumerate() {
                 let rank = ranked.rank(k);
                 list[rank % RANKED_MAX] = near(*at, ranked.numbers[k]);
                 taken |= 1 << rank;
@@ -229,7 +228,7 @@ impl Neighbourhood {
             // Some are equally far.
         }
         let list = &mut self.list[..count];
-        for (n, (at, squared_m2)) in list.iter_mut().zip(found.iter().zip(&self.squared_m2)) {
+        for (n, (at, squared_m2)) in list.iter_mut().zip(places.iter().zip(squares_m2)) {
             *n = near(*at, squared_m2.sqrt());
         }
         list.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
