@@ -35,23 +35,28 @@
 
 mod admin;
 mod attachment;
+mod census;
 mod error;
 pub(crate) mod memory;
 mod node;
+mod node_admin;
 mod owned;
 mod reader;
 mod record;
 mod remains;
 mod room;
+mod transport;
+mod upkeep;
 mod writer;
 
 pub use admin::{AdminPort, AdminServer, Asked, TEXT_MAX, Waiting};
 pub use attachment::Attachment;
+pub use census::{Attached, Census, CleanUp, Member};
 pub use error::{ChannelError, Owner};
-pub use node::{Attached, Census, CleanUp, Member, Transport};
 pub(crate) use reader::NotCopied;
 pub use reader::{Reader, Received};
 pub use record::{Channel, Record};
+pub use transport::Transport;
 pub use writer::Writer;
 
 use crate::wire::{RobotCheckpoint, RobotCommand, RobotObservation, RobotState, RobotTelemetry};
