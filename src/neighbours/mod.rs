@@ -66,7 +66,9 @@ impl Surroundings {
     ///
     /// A fleet larger than the capacity would allocate; the controller never passes one.
     pub fn build<'a>(&mut self, fleet: impl IntoIterator<Item = &'a RobotState>) {
-        (self.taken.clear(), self.free.clear(), self.seen.clear());
+        self.taken.clear();
+        self.free.clear();
+        self.seen.clear();
         let (taken, free, seen) = (&mut self.taken, &mut self.free, &mut self.seen);
         self.grid.build((0u32..).zip(fleet).filter_map(|(index, robot)| {
             if robot.has(state_flags::VACANT) {
@@ -77,7 +79,10 @@ impl Surroundings {
             seen.push((robot.position_m(), robot.id));
             Some(robot.position_m())
         }));
-        (self.sorted.clear(), self.x_m.clear(), self.y_m.clear(), self.ids.clear());
+        self.sorted.clear();
+        self.x_m.clear();
+        self.y_m.clear();
+        self.ids.clear();
         for at in self.grid.order() {
             let (position_m, id) = self.seen[*at as usize];
             self.sorted.push(self.taken[*at as usize]);
