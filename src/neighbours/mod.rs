@@ -156,7 +156,9 @@ impl Neighbourhood {
         first_m: f64,
     ) -> &[Nearby] {
         let farthest_m = sight.all_m.max(sight.nearest_m);
-        let mut look_m = first_m.max(sight.all_m).min(farthest_m);
+        let look_m = first_m.max(sight.all_m);
+        // What is not above 0, as with a radius that is none, would never grow.
+        let mut look_m = if look_m > 0.0 { look_m.min(farthest_m) } else { farthest_m };
         let count = loop {
             let count = self.within(around, fleet, me, look_m);
             if count >= sight.nearest || look_m >= farthest_m {
@@ -276,6 +278,18 @@ mod tests {
         fleet[0] = RobotState::vacant();
         let ids: Vec<u32> = gathered(&fleet, 1, reach, 0.0).iter().map(|n| n.id).collect();
         assert_eq!(ids, [7, 4]);
+    }
+
+    #[test]
+    fn looking_ends_wherever_it_begins() {
+        let fleet = [at(9, 1.0, 0.0), at(3, 0.0, 0.0), at(4, 0.0, 1.0), at(5, 30.0, 0.0)];
+        for all_m in [-7.0, f64::NEG_INFINITY, f64::NAN, 0.0, -0.0, 1e-300] {
+            let reach = Sight { all_m, nearest_m: 8.0, nearest: 8 };
+            for first_m in [0.0, -3.0, f64::NAN, 1e-300, 2.0, f64::INFINITY] {
+                let ids: Vec<u32> = gathered(&fleet, 1, reach, first_m).iter().map(|n| n.id).collect();
+                assert_eq!(ids, [4, 9], "{all_m} {first_m}");
+            }
+        }
     }
 
     #[test]
