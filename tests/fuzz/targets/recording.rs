@@ -14,7 +14,7 @@ const PERIODS_MAX: usize = 64;
 /// Whatever stands in a file: it is read or refused, and what was read is computed again or refused. An
 /// input that does not begin like a recording is what is to stand in one: pieces, each with its kind, its
 /// length and its bytes, so that no checksum and no compression is in the way.
-pub fn recording(data: &[u8]) {
+pub(crate) fn recording(data: &[u8]) {
     if data.starts_with(&mcap::MAGIC[..4]) {
         read(data);
     } else if let Ok(file) = written(data) {
@@ -77,25 +77,22 @@ fn written(mut data: &[u8]) -> Result<Vec<u8>, mcap::McapError> {
         let length = usize::from(u16::from_le_bytes([*low, *high])).min(rest.len());
         let (piece, more) = rest.split_at(length);
         data = more;
-        match channels.get(usize::from(*kind)) {
-            Some(&channel_id) => {
-                let header =
-                    mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
-                file.write_to_known_channel(&header, piece)?;
-            }
-            None => {
-                // A name and a text.
-                let end = piece.iter().position(|byte| *byte == 0).unwrap_or(piece.len());
-                let (name, text) = piece.split_at(end);
-                file.attach(&mcap::Attachment {
-                    log_time: 0,
-                    create_time: 0,
-                    name: String::from_utf8_lossy(name).into_owned(),
-                    media_type: "application/toml".to_owned(),
-                    data: Cow::Borrowed(text.strip_prefix(&[0]).unwrap_or(text)),
-                })?;
-            }
+        if let Some(&channel_id) = channels.get(usize::from(*kind)) {
+            let header =
+                mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
+            file.write_to_known_channel(&header, piece)?;
+            continue;
         }
+        // A name and a text.
+        let end = piece.iter().position(|byte| *byte == 0).unwrap_or(piece.len());
+        let (name, text) = piece.split_at(end);
+        file.attach(&mcap::Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: String::from_utf8_lossy(name).into_owned(),
+            media_type: "application/toml".to_owned(),
+            data: Cow::Borrowed(text.strip_prefix(&[0]).unwrap_or(text)),
+        })?;
     }
     file.finish()?;
     Ok(file.into_inner().into_inner())
