@@ -6,12 +6,19 @@
 //! make no sense is refused and counted, and inputs beyond the limits are refused, not clamped,
 //! because such a command was never verified. Whatever a header says, a robot does not move by a
 //! command for longer than the longest hold, nor later than three of them after it was received.
+//!
+//! A command was computed for where the one before it leads. So one that moves the robot is followed only
+//! if that one was, and not once its time has begun. A robot that missed one, or was stopped by something
+//! else, stands until the daemon has heard of it and says so in a stop ([`StopReason::OutOfStep`]): only
+//! then does it know from where the next one drives. [`Gate::holding`] is what the daemon has to hear
+//! (docs/MATH.md, Theorem 4).
+//!
 //! One instance a robot; 200 bytes, no allocation, tens of nanoseconds.
 //!
 //! Bits that changed on the way are found before: by who reads the sample ([`crate::wire::Seal`]).
 
 use crate::model::{Command, Limits, RobotId};
-use crate::wire::{CommandHeader, RobotCommand};
+use crate::wire::{CommandHeader, Holding, RobotCommand, StopReason};
 
 /// Why a command was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +31,10 @@ pub enum Refusal {
     OldTick,
     /// It had expired when it arrived.
     Expired,
+    /// It would have moved the robot, and its time had begun when it arrived.
+    Late,
+    /// It would have moved the robot, which does not hold the command before it.
+    OutOfStep,
     /// Its valid-until time is not after its valid-from time, it would hold longer than allowed, or it
     /// was published before the state that it answers or after it was to act.
     Validity,
@@ -40,8 +51,12 @@ pub struct Gate {
     id: RobotId,
     limits: Limits,
     max_hold_ns: u64,
+    /// Nobody tells the daemon what it holds.
+    unreported: bool,
     epoch: u64,
     tick: Option<u64>,
+    /// The newest command that was taken in an unbroken sequence, and when that began, ns.
+    followed: Option<(u64, u64)>,
     current: Held,
     pending: Held,
     refused: u64,
@@ -71,12 +86,23 @@ impl Gate {
             id,
             limits,
             max_hold_ns,
+            unreported: false,
             epoch: 0,
             tick: None,
+            followed: None,
             current: Held::NOTHING,
             pending: Held::NOTHING,
             refused: 0,
         }
+    }
+
+    /// Follows commands that come late or after one that was missed: for robots of which nobody tells the
+    /// daemon what they hold. It would not hear that they stand, and never let them go on.
+    ///
+    /// That no command is lost is then for whoever connects them to see to.
+    #[must_use]
+    pub fn unreported(self) -> Self {
+        Self { unreported: true, ..self }
     }
 
     /// Takes a command, received at `now_ns`.
@@ -93,7 +119,7 @@ impl Gate {
     ) -> Result<(), Refusal> {
         match self.check(header, command, now_ns) {
             Ok(()) => {
-                self.accept(header, command.command(), now_ns);
+                self.accept(header, command, now_ns);
                 Ok(())
             }
             Err(refusal) => {
@@ -120,7 +146,7 @@ impl Gate {
         if header.valid_until_ns <= now_ns {
             return Err(Refusal::Expired);
         }
-        // Announced however early, a stop is a stop.
+        // Announced however early, a stop is a stop, and however late.
         let is_stop = command.command() == Command::STOP;
         if !is_stop && (header.state_stamp_ns > header.stamp_ns || header.stamp_ns > header.valid_from_ns) {
             return Err(Refusal::Validity);
@@ -134,15 +160,37 @@ impl Gate {
         if !self.limits.admits(command.command()) || reason_to_stop && !is_stop {
             return Err(Refusal::Input);
         }
+        let heeds = !is_stop && !self.unreported;
+        if heeds && header.valid_from_ns < now_ns {
+            return Err(Refusal::Late);
+        }
+        if heeds && !self.is_followed_by(header) {
+            return Err(Refusal::OutOfStep);
+        }
         Ok(())
     }
 
-    fn accept(&mut self, header: &CommandHeader, command: Command, now_ns: u64) {
+    /// Whether the sample of `header` is the one after the newest that was followed.
+    fn is_followed_by(&self, header: &CommandHeader) -> bool {
+        header.epoch == self.epoch && self.followed.is_some_and(|(tick, _)| tick == header.follows)
+    }
+
+    fn accept(&mut self, header: &CommandHeader, command: &RobotCommand, now_ns: u64) {
+        self.followed = match (self.followed, StopReason::from_code(command.stop_reason)) {
+            (Some((_, since_ns)), _) if self.is_followed_by(header) => Some((header.tick, since_ns)),
+            // Until it acts the daemon may believe that the robot moves.
+            (_, Some(StopReason::OutOfStep)) => Some((header.tick, header.valid_from_ns)),
+            // No command of this run came before it.
+            (_, Some(StopReason::Start)) if header.epoch > self.epoch => Some((header.tick, now_ns)),
+            (followed, _) if header.epoch == self.epoch => followed,
+            _ => None,
+        };
         if header.epoch > self.epoch {
             (self.current, self.pending) = (Held::NOTHING, Held::NOTHING);
         }
         self.promote(now_ns);
         (self.epoch, self.tick) = (header.epoch, Some(header.tick));
+        let command = command.command();
         self.pending = Held { command, from_ns: header.valid_from_ns, until_ns: header.valid_until_ns };
     }
 
@@ -170,6 +218,26 @@ impl Gate {
         self.current.acts_at(now_ns)
     }
 
+    /// The robot has stopped by itself: an emergency stop, a blocked wheel. To be called for as long as that
+    /// lasts.
+    ///
+    /// It is where no command has led it, so it follows none until the daemon has said in a stop that it
+    /// knows.
+    pub fn halt(&mut self) {
+        (self.current, self.pending, self.followed) = (Held::NOTHING, Held::NOTHING, None);
+    }
+
+    /// Which command the robot follows now, at `now_ns`: what its driver tells the daemon with where the robot is.
+    ///
+    /// A command that it has taken and that waits for its time counts; a stop with which it begins anew
+    /// counts from when it acts.
+    pub fn holding(&self, now_ns: u64) -> Holding {
+        match self.followed {
+            Some((tick, since_ns)) if since_ns <= now_ns => Holding::Command { tick },
+            _ => Holding::Nothing,
+        }
+    }
+
     /// The next instant after `now_ns` at which [`Gate::input`] can change without a new command.
     pub fn next_change_ns(&self, now_ns: u64) -> Option<u64> {
         let times = [self.current.until_ns, self.pending.from_ns, self.pending.until_ns];
@@ -185,7 +253,6 @@ impl Gate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::StopReason;
     use proptest::prelude::*;
 
     fn header(epoch: u64, tick: u64) -> CommandHeader {
@@ -194,16 +261,27 @@ mod tests {
             tick,
             valid_from_ns: tick * 100,
             valid_until_ns: (tick + 1) * 100,
+            follows: tick.saturating_sub(1),
             ..CommandHeader::default()
         }
+    }
+
+    /// A stop that acts from the beginning of `tick`, after which commands may move the robot.
+    fn held(g: &mut Gate, epoch: u64, tick: u64) {
+        let stop = RobotCommand::stop(RobotId(3), StopReason::Start);
+        let header = CommandHeader { valid_until_ns: tick * 100 + 1, ..header(epoch, tick) };
+        g.offer(&header, &stop, 0).unwrap();
     }
 
     fn go(v_mps: f64) -> RobotCommand {
         RobotCommand::verified(RobotId(3), Command { v_mps, omega_radps: 0.0 })
     }
 
+    /// One that holds the stop of tick 4 of epoch 1.
     fn gate() -> Gate {
-        Gate::new(RobotId(3), Limits::default(), 1_000)
+        let mut g = Gate::new(RobotId(3), Limits::default(), 1_000);
+        held(&mut g, 1, 4);
+        g
     }
 
     #[test]
@@ -241,6 +319,7 @@ mod tests {
     #[test]
     fn every_refusal() {
         let mut g = gate();
+        held(&mut g, 2, 4);
         g.offer(&header(2, 5), &go(2.0), 420).unwrap();
         let other = RobotCommand { id: 4, ..go(1.0) };
         let backwards = CommandHeader { valid_until_ns: 1, ..header(2, 6) };
@@ -251,6 +330,9 @@ mod tests {
         let cases = [
             (g.offer(&stamped(401, 400), &go(1.0), 420), Refusal::Validity),
             (g.offer(&stamped(601, 601), &go(1.0), 620), Refusal::Validity),
+            (g.offer(&header(2, 6), &go(1.0), 601), Refusal::Late),
+            (g.offer(&header(2, 7), &go(1.0), 601), Refusal::OutOfStep),
+            (g.offer(&header(3, 6), &go(1.0), 420), Refusal::OutOfStep),
             (g.offer(&CommandHeader { stamp_ns: 1421, ..later(1500) }, &go(1.0), 420), Refusal::Future),
             (g.offer(&later(2421), &go(1.0), 420), Refusal::Future),
             (g.offer(&later(u64::MAX - 100), &go(1.0), 420), Refusal::Future),
@@ -270,7 +352,7 @@ mod tests {
         for (got, expected) in cases {
             assert_eq!(got, Err(expected));
         }
-        assert_eq!(g.refused(), 17);
+        assert_eq!(g.refused(), 20);
         assert_eq!(g.input(550).v_mps, 2.0);
     }
 
@@ -278,8 +360,9 @@ mod tests {
     fn repeated_reordered_and_skipped_ticks_and_the_largest_one() {
         let mut g = Gate::new(RobotId(3), Limits::default(), 1_000);
         let at = |tick: u64| CommandHeader { tick, ..header(1, 5) };
-        let mut offer = |tick| g.offer(&at(tick), &go(1.0), 420);
-        // Skipped ones are no reason to stop: the newest counts.
+        let stop = RobotCommand::stop(RobotId(3), StopReason::Start);
+        let mut offer = |tick| g.offer(&at(tick), &stop, 420);
+        // A stop is taken whatever was skipped.
         let ticks = [(0, true), (1, true), (1, false), (0, false), (7, true), (3, false), (7, false)];
         for (tick, taken) in ticks {
             assert_eq!(offer(tick), if taken { Ok(()) } else { Err(Refusal::OldTick) }, "tick {tick}");
@@ -289,7 +372,7 @@ mod tests {
         for tick in [u64::MAX, 0, 1] {
             assert_eq!(offer(tick), Err(Refusal::OldTick));
         }
-        assert_eq!(g.offer(&CommandHeader { epoch: 2, ..at(0) }, &go(1.0), 420), Ok(()));
+        assert_eq!(g.offer(&CommandHeader { epoch: 2, ..at(0) }, &stop, 420), Ok(()));
     }
 
     #[test]
@@ -314,6 +397,7 @@ mod tests {
             let mut g = Gate::new(RobotId(3), Limits::default(), HOLD);
             let mut now = 10_000_u64;
             let mut offered: Vec<(CommandHeader, Command, u64)> = Vec::new();
+            let mut last = 0;
             for (words, kinds, step, v_mps) in offers {
                 now += step;
                 // Anything, or near what would do.
@@ -327,10 +411,13 @@ mod tests {
                     state_stamp_ns: word(3, near(3).min(near(2))),
                     valid_from_ns: from,
                     valid_until_ns: word(5, from.wrapping_add(words[5] % 120)),
+                    follows: if kinds[3] % 8 == 1 { words[3] } else { last },
                     ..CommandHeader::default()
                 };
-                let command = go(v_mps);
-                let _ = g.offer(&header, &command, now);
+                let stop = RobotCommand::stop(RobotId(3), StopReason::OutOfStep);
+                let command = if kinds[1] % 4 == 1 { stop } else { go(v_mps) };
+                let taken = g.offer(&header, &command, now).is_ok();
+                last = if taken { header.tick } else { last };
                 offered.push((header, command.command(), now));
                 for ahead in [0, 1, 50, 99, 100, 250, 301, 10_000] {
                     // A copy looks ahead: time must not run backwards.
@@ -352,19 +439,22 @@ mod tests {
         let mut g = gate();
         g.offer(&header(1, 5), &go(2.0), 420).unwrap();
         assert_eq!(g.input(550).v_mps, 2.0);
-        g.offer(&CommandHeader { epoch: 2, ..header(1, 0) }, &go(1.0), 50).unwrap();
-        assert_eq!(g.input(60).v_mps, 1.0);
-        assert_eq!(g.offer(&header(1, 99), &go(1.0), 60), Err(Refusal::OldEpoch));
+        held(&mut g, 2, 6);
+        assert_eq!(g.input(560).v_mps, 0.0);
+        g.offer(&CommandHeader { follows: 6, ..header(2, 7) }, &go(1.0), 570).unwrap();
+        assert_eq!(g.input(700).v_mps, 1.0);
+        assert_eq!(g.offer(&header(1, 99), &go(1.0), 700), Err(Refusal::OldEpoch));
     }
 
     #[test]
     fn a_new_epoch_drops_what_the_old_one_left() {
         let mut g = gate();
-        g.offer(&header(1, 5), &go(2.0), 520).unwrap();
+        g.offer(&header(1, 5), &go(2.0), 500).unwrap();
         g.offer(&header(1, 6), &go(3.0), 520).unwrap();
         assert_eq!(g.input(530).v_mps, 2.0);
-        // The new run's first command waits for its time; the old run's act no more.
-        let later = CommandHeader { epoch: 2, valid_from_ns: 800, valid_until_ns: 900, ..header(1, 0) };
+        // The new run's first command is a stop; the old run's act no more.
+        held(&mut g, 2, 7);
+        let later = CommandHeader { epoch: 2, valid_from_ns: 800, valid_until_ns: 900, ..header(1, 8) };
         g.offer(&later, &go(1.0), 540).unwrap();
         for (now, v) in [(540, 0.0), (610, 0.0), (799, 0.0), (800, 1.0), (900, 0.0)] {
             assert_eq!((g.input(now).v_mps, g.is_commanded(now)), (v, v > 0.0), "at {now}");
@@ -373,8 +463,9 @@ mod tests {
 
     #[test]
     fn the_next_change_is_always_ahead() {
+        assert_eq!(Gate::new(RobotId(3), Limits::default(), 1_000).next_change_ns(0), None);
         let mut g = gate();
-        assert_eq!(g.next_change_ns(0), None);
+        assert_eq!(g.input(400), Command::STOP);
         g.offer(&header(1, 5), &go(2.0), 420).unwrap();
         assert_eq!(
             [420, 499, 500, 599, 600].map(|now| g.next_change_ns(now)),
@@ -393,6 +484,89 @@ mod tests {
         assert_eq!(g.offer(&at(300, 420), &go(2.0), 420), Err(Refusal::Expired));
         g.offer(&at(500, 1500), &go(2.0), 420).unwrap();
         assert_eq!((g.input(1499).v_mps, g.input(1500).v_mps, g.refused()), (2.0, 0.0, 3));
+    }
+
+    #[test]
+    fn a_robot_that_missed_a_command_stands_until_it_has_held_a_stop() {
+        let (mut g, stop) = (gate(), RobotCommand::stop(RobotId(3), StopReason::OutOfStep));
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        assert_eq!(g.holding(420), Holding::Command { tick: 5 });
+        // Tick 6 is lost: 7 and 8 were computed for a robot that had driven it.
+        assert_eq!(g.offer(&header(1, 7), &go(1.0), 620), Err(Refusal::OutOfStep));
+        assert_eq!(g.offer(&header(1, 8), &go(1.0), 720), Err(Refusal::OutOfStep));
+        assert_eq!((g.input(650), g.holding(720)), (Command::STOP, Holding::Command { tick: 5 }));
+        // Until the stop acts nobody may rely on where it is.
+        g.offer(&header(1, 9), &stop, 820).unwrap();
+        assert_eq!((g.holding(820), g.holding(899)), (Holding::Nothing, Holding::Nothing));
+        assert_eq!((g.input(910), g.holding(910)), (Command::STOP, Holding::Command { tick: 9 }));
+        g.offer(&header(1, 10), &go(1.0), 920).unwrap();
+        assert_eq!((g.input(1050).v_mps, g.holding(920)), (1.0, Holding::Command { tick: 10 }));
+    }
+
+    #[test]
+    fn a_command_that_comes_as_its_time_begins_is_followed_and_later_it_is_missed() {
+        let mut g = gate();
+        assert_eq!(g.clone().offer(&header(1, 5), &go(1.0), 500), Ok(()));
+        assert_eq!(g.offer(&header(1, 5), &go(1.0), 501), Err(Refusal::Late));
+        assert_eq!(g.offer(&header(1, 6), &go(1.0), 510), Err(Refusal::OutOfStep));
+        // However late, a stop is a stop.
+        assert_eq!(g.offer(&header(1, 5), &go(0.0), 510), Ok(()));
+    }
+
+    #[test]
+    fn commands_follow_each_other_over_periods_that_the_daemon_skipped() {
+        let mut g = gate();
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        let after = CommandHeader { follows: 5, ..header(1, 9) };
+        assert_eq!(g.offer(&after, &go(2.0), 820), Ok(()));
+        assert_eq!((g.input(750), g.input(950).v_mps), (Command::STOP, 2.0));
+    }
+
+    #[test]
+    fn a_robot_that_stopped_by_itself_follows_nothing_until_it_has_held_a_stop() {
+        let mut g = gate();
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        g.offer(&header(1, 6), &go(1.0), 520).unwrap();
+        g.halt();
+        assert_eq!(
+            (g.input(550), g.input(650), g.holding(650)),
+            (Command::STOP, Command::STOP, Holding::Nothing)
+        );
+        assert_eq!(g.offer(&header(1, 7), &go(1.0), 620), Err(Refusal::OutOfStep));
+        // Stops for other reasons come from a daemon that takes it to be elsewhere.
+        for (tick, reason) in [(8, StopReason::Deadline), (9, StopReason::NoState), (10, StopReason::Start)] {
+            g.offer(&header(1, tick), &RobotCommand::stop(RobotId(3), reason), tick * 100 - 80).unwrap();
+            let next = g.clone().offer(&header(1, tick + 1), &go(1.0), tick * 100 + 20);
+            assert_eq!((next, g.holding(tick * 100)), (Err(Refusal::OutOfStep), Holding::Nothing));
+        }
+        g.offer(&header(1, 11), &RobotCommand::stop(RobotId(3), StopReason::OutOfStep), 1020).unwrap();
+        g.offer(&header(1, 12), &go(1.0), 1120).unwrap();
+        assert_eq!((g.holding(1099), g.input(1250).v_mps), (Holding::Nothing, 1.0));
+        assert_eq!(g.holding(1250), Holding::Command { tick: 12 });
+    }
+
+    #[test]
+    fn a_robot_of_which_nobody_tells_what_it_holds_follows_whatever_comes() {
+        let mut g = Gate::new(RobotId(3), Limits::default(), 1_000).unreported();
+        g.offer(&header(1, 5), &go(1.0), 550).unwrap();
+        assert_eq!(g.input(550).v_mps, 1.0);
+        g.offer(&header(1, 9), &go(2.0), 820).unwrap();
+        assert_eq!(g.input(950).v_mps, 2.0);
+    }
+
+    #[test]
+    fn who_joins_a_run_that_goes_on_waits_until_the_daemon_knows() {
+        let (mut g, stop) = (Gate::new(RobotId(3), Limits::default(), 1_000), |reason| {
+            RobotCommand::stop(RobotId(3), reason)
+        });
+        g.offer(&header(1, 5), &stop(StopReason::Deadline), 420).unwrap();
+        assert_eq!(
+            (g.offer(&header(1, 6), &go(1.0), 520), g.holding(520)),
+            (Err(Refusal::OutOfStep), Holding::Nothing)
+        );
+        g.offer(&header(1, 7), &stop(StopReason::OutOfStep), 620).unwrap();
+        assert_eq!((g.holding(699), g.holding(700)), (Holding::Nothing, Holding::Command { tick: 7 }));
+        assert_eq!(g.offer(&header(1, 8), &go(1.0), 720), Ok(()));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::disturbance::DisturbedFleet;
 use crate::geometry::{Arc, Integration, Pose, TimedArc};
 use crate::model::{Command, Limits, RobotId};
 use crate::scenario::Scenario;
-use crate::wire::{CommandHeader, NO_ROBOT, RobotCommand};
+use crate::wire::{CommandHeader, Holding, NO_ROBOT, RobotCommand};
 
 /// A fleet of ideal unicycles.
 #[derive(Debug, Clone)]
@@ -21,6 +21,7 @@ pub struct Plant {
     integration: Integration,
     limits: Limits,
     max_hold_ns: u64,
+    unreported: bool,
     robots: Vec<(Pose, Gate)>,
     disturbed: Option<Disturbed>,
 }
@@ -71,7 +72,23 @@ impl Plant {
             .map(|robot| (robot.start, Gate::new(robot.id, scenario.limits, max_hold_ns)))
             .collect();
         let (integration, limits, disturbed) = (Integration::Exact, scenario.limits, None);
-        Self { now_ns, integration, limits, max_hold_ns, robots, disturbed }
+        Self { now_ns, integration, limits, max_hold_ns, unreported: false, robots, disturbed }
+    }
+
+    /// With robots that follow commands whatever they missed ([`Gate::unreported`]): for who hands them
+    /// every command.
+    #[must_use]
+    pub fn unreported(mut self) -> Self {
+        self.unreported = true;
+        for (_, gate) in &mut self.robots {
+            *gate = gate.unreported();
+        }
+        self
+    }
+
+    fn gate(&self, id: RobotId) -> Gate {
+        let gate = Gate::new(id, self.limits, self.max_hold_ns);
+        if self.unreported { gate.unreported() } else { gate }
     }
 
     /// Moves its robots by `integration`; exactly where this is not said. A step is what an input
@@ -85,7 +102,7 @@ impl Plant {
     /// origin until they are placed.
     #[must_use]
     pub fn with_places(mut self, places: usize) -> Self {
-        let idle = (Pose::default(), Gate::new(RobotId(NO_ROBOT), self.limits, self.max_hold_ns));
+        let idle = (Pose::default(), self.gate(RobotId(NO_ROBOT)));
         self.robots.resize(places.max(self.robots.len()), idle);
         if let Some(disturbed) = &mut self.disturbed {
             disturbed.fleet.make_room(places);
@@ -95,8 +112,9 @@ impl Plant {
 
     /// Puts robot `id` into the `index`-th place, at rest.
     pub fn place(&mut self, index: usize, id: RobotId, pose: Pose) {
+        let gate = self.gate(id);
         if let Some(robot) = self.robots.get_mut(index) {
-            *robot = (pose, Gate::new(id, self.limits, self.max_hold_ns));
+            *robot = (pose, gate);
         }
         if let Some(disturbed) = &mut self.disturbed {
             disturbed.fleet.place(index, id, pose);
@@ -178,6 +196,19 @@ impl Plant {
         }
     }
 
+    /// The `index`-th robot stops by itself, where it is, and follows nothing until it has held a stop.
+    pub fn halt(&mut self, index: usize) {
+        if let Some((_, gate)) = self.robots.get_mut(index) {
+            gate.halt();
+        }
+    }
+
+    /// Which command the `index`-th robot follows at the time up to which it has moved.
+    pub fn holding(&self, index: usize) -> Holding {
+        let now_ns = self.time_ns();
+        self.robots.get(index).map_or(Holding::Untold, |(_, gate)| gate.holding(now_ns))
+    }
+
     /// Moves every robot on to `to_ns`; does nothing when that time has passed.
     pub fn advance(&mut self, to_ns: u64) {
         self.advance_with(to_ns, |_, _| {});
@@ -225,6 +256,7 @@ mod tests {
     use super::*;
     use crate::geometry::Vec2;
     use crate::model::RobotSpec;
+    use crate::wire::StopReason;
 
     const T: u64 = 80_000_000;
 
@@ -243,7 +275,10 @@ mod tests {
             }],
             obstacles: vec![],
         };
-        Plant::new(&scenario, T, 0)
+        let mut plant = Plant::new(&scenario, T, 0);
+        // Nothing moves before it has held a stop.
+        plant.command(0, &header(0), &RobotCommand::stop(RobotId(7), StopReason::Start), 0).unwrap();
+        plant
     }
 
     fn header(tick: u64) -> CommandHeader {
@@ -252,6 +287,7 @@ mod tests {
             tick,
             valid_from_ns: tick * T,
             valid_until_ns: (tick + 1) * T,
+            follows: tick.saturating_sub(1),
             ..CommandHeader::default()
         }
     }
@@ -283,7 +319,7 @@ mod tests {
     #[test]
     fn stands_still_once_the_command_has_expired() {
         let mut p = plant();
-        p.command(0, &header(0), &drive(1.0, 0.0), 0).unwrap();
+        p.command(0, &header(1), &drive(1.0, 0.0), 0).unwrap();
         p.advance(50 * T);
         assert_eq!(p.pose(0), Some(Pose::new(0.08, 0.0, 0.0)));
     }
@@ -339,10 +375,22 @@ mod tests {
     }
 
     #[test]
-    fn a_late_command_acts_for_the_rest_of_its_period() {
+    fn a_robot_does_not_begin_in_the_middle_of_a_command() {
         let mut p = plant();
         p.advance(T + T / 2);
-        p.command(0, &header(1), &drive(1.0, 0.0), T + T / 2).unwrap();
+        assert_eq!(p.command(0, &header(1), &drive(1.0, 0.0), T + T / 2), Err(Refusal::Late));
+        p.advance(3 * T);
+        assert_eq!(p.poses().next(), Some(Pose::default()));
+    }
+
+    #[test]
+    fn a_robot_that_stops_by_itself_stays_where_it_is() {
+        let mut p = plant();
+        p.command(0, &header(1), &drive(1.0, 0.0), 10).unwrap();
+        p.advance(T + T / 2);
+        assert_eq!(p.holding(0), Holding::Command { tick: 1 });
+        p.halt(0);
+        assert_eq!((p.holding(0), p.holding(1)), (Holding::Nothing, Holding::Untold));
         p.advance(3 * T);
         assert!((p.poses().next().unwrap().position_m.x - 0.04).abs() < 1e-12);
     }

@@ -70,6 +70,9 @@ fn published() -> String {
             goal_y_m,
             radius_m,
             uncertainty_m,
+            seen_x_m,
+            seen_y_m,
+            way_m,
             intent,
         }
     );
@@ -98,6 +101,7 @@ fn published() -> String {
             state_stamp_ns,
             valid_from_ns,
             valid_until_ns,
+            follows,
             records,
             checksum
         }
@@ -163,7 +167,7 @@ fn received() -> String {
     let mut text = String::new();
     record!(text, ObservationHeader { epoch, sequence, stamp_ns, records, checksum });
     text += ",\n";
-    record!(text, RobotObservation { id, reserved, x_m, y_m, theta_rad });
+    record!(text, RobotObservation { id, holding, x_m, y_m, theta_rad });
     text += ",\n";
     record!(text, CheckpointHeader { epoch, tick, skipped_periods, commands_published, records, checksum });
     text += ",\n";
@@ -227,7 +231,7 @@ type Numbers = (&'static str, Vec<(String, u32)>);
 
 fn flags() -> Vec<Numbers> {
     vec![
-        flags!(state_flags { VALID, ARRIVED, FOREIGN, VACANT, PAUSED, STOPPED }),
+        flags!(state_flags { VALID, ARRIVED, FOREIGN, VACANT, PAUSED, STOPPED, MAY_STAND, OUT_OF_STEP }),
         flags!(telemetry_flags { STALLED, GIVING_WAY, HOLDING }),
         flags!(checkpoint_flags { ANSWERED, SETTLED }),
         flags!(admin_flags {

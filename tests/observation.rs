@@ -62,7 +62,7 @@ impl External {
                         let x_m = if mood == 2 && spec.id.0 == 0 { f64::NAN } else { pose.position_m.x };
                         *record = RobotObservation {
                             id: spec.id.0,
-                            reserved: 0,
+                            holding: 0,
                             x_m,
                             y_m: pose.position_m.y,
                             theta_rad: pose.theta_rad,
@@ -190,7 +190,7 @@ fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, 
             let sent = observations.publish(|header, records| {
                 (header.sequence, header.stamp_ns) = (2 * tick + index as u64, release_ns);
                 let (x_m, y_m, theta_rad) = (robot.x_m, robot.y_m, robot.theta_rad);
-                records[0] = RobotObservation { id: robot.id, reserved: 0, x_m, y_m, theta_rad };
+                records[0] = RobotObservation { id: robot.id, holding: 0, x_m, y_m, theta_rad };
                 // The other record speaks for nobody.
                 records[1].id = u32::MAX;
             });

@@ -36,8 +36,11 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let _ = plant.command(index, sample.header(), command, now_ns);
             }
         }
-        let poses: Vec<_> = scenario.robots.iter().map(|robot| robot.id).zip(plant.poses()).collect();
-        observations.publish(now_ns, &poses)?;
+        // With each pose goes what the robot's gate holds: the daemon then knows of one that missed a command.
+        let robots = scenario.robots.iter().zip(plant.poses()).enumerate();
+        let seen: Vec<_> =
+            robots.map(|(index, (robot, pose))| (robot.id, pose, plant.holding(index))).collect();
+        observations.report(now_ns, &seen)?;
         std::thread::sleep(Duration::from_nanos(period_ns / 10));
     }
     for (robot, pose) in scenario.robots.iter().zip(plant.poses()) {

@@ -22,7 +22,7 @@ use crate::config::SourceConfig;
 use crate::geometry::Pose;
 use crate::model::{Disturbance, RobotSpec};
 use crate::scenario::Scenario;
-use crate::wire::{ObservationHeader, RobotObservation};
+use crate::wire::{Holding, ObservationHeader, RobotObservation};
 use sequence::{Numbered, Sequence, Taken};
 use track::{Bounds, Track};
 
@@ -202,7 +202,12 @@ impl Admission {
         if track.speaks_for_another(writer, silent_since) {
             return Err(Rejection::ForeignWriter);
         }
-        track.accept(writer, header, pose)
+        // Of another run it holds nothing of this one.
+        let holding = match record.holding {
+            told if told != Holding::Untold.code() && header.epoch == 0 => Holding::Nothing.code(),
+            told => told,
+        };
+        track.accept(writer, header, pose, holding)
     }
 
     /// The accepted pose of the `index`-th robot and its stamp, unless it is stale at `now_ns`.
@@ -215,6 +220,11 @@ impl Admission {
     /// The last good pose of the `index`-th robot and its stamp, however old; none before the first.
     pub fn last_good(&self, index: usize) -> Option<(Pose, u64)> {
         self.tracks.get(index)?.last_good()
+    }
+
+    /// What the `index`-th robot told with its last good pose: a code of [`Holding`].
+    pub fn holding(&self, index: usize) -> u32 {
+        self.tracks.get(index).map_or(0, Track::holding)
     }
 
     /// The last good pose of the `index`-th robot, however old: its start before the first one.

@@ -440,7 +440,7 @@ proptest! {
             };
             let record = RobotObservation {
                 id: if w[3] % 2 == 0 { 3 } else { u32::try_from(w[3] >> 32).unwrap() },
-                reserved: 0,
+                holding: 0,
                 x_m: f64::from_bits(w[4]),
                 y_m: f64::from_bits(w[5]),
                 theta_rad: f64::from_bits(w[6]),

@@ -59,12 +59,14 @@ pub(super) struct Track {
     /// Writer and sequence of the sample taken last, to notice a robot that stands in it twice.
     sample: Option<(u128, u64)>,
     good: Option<Seen>,
+    /// What was told with it: a code of [`Holding`](crate::wire::Holding).
+    holding: u32,
     quarantine: Option<Quarantine>,
 }
 
 impl Track {
     pub(super) fn new(start: Pose, bounds: Bounds) -> Self {
-        Self { start, bounds, writer: 0, sample: None, good: None, quarantine: None }
+        Self { start, bounds, writer: 0, sample: None, good: None, holding: 0, quarantine: None }
     }
 
     /// Widens the bounds.
@@ -89,6 +91,10 @@ impl Track {
         self.good.map_or(self.start, |seen| seen.pose)
     }
 
+    pub(super) fn holding(&self) -> u32 {
+        self.holding
+    }
+
     /// Whether a writer other than `writer` has spoken for this robot since `silent_since_ns`.
     pub(super) fn speaks_for_another(&self, writer: u128, silent_since_ns: u64) -> bool {
         self.writer != writer && self.good.is_some_and(|seen| seen.stamp_ns >= silent_since_ns)
@@ -99,6 +105,7 @@ impl Track {
         writer: u128,
         header: &ObservationHeader,
         pose: Pose,
+        holding: u32,
     ) -> Result<(), Rejection> {
         let bounds = &self.bounds;
         if self.sample.replace((writer, header.sequence)) == Some((writer, header.sequence)) {
@@ -123,7 +130,7 @@ impl Track {
         }
         self.quarantine = None;
         self.writer = writer;
-        self.good = Some(seen);
+        (self.good, self.holding) = (Some(seen), holding);
         Ok(())
     }
 

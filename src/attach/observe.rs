@@ -1,7 +1,7 @@
 use crate::channel::{Attachment, ChannelError, StateReader, Writer};
 use crate::geometry::Pose;
 use crate::model::RobotId;
-use crate::wire::RobotObservation;
+use crate::wire::{Holding, RobotObservation};
 
 /// Tells the daemon where robots are. Keeps the sequence and follows the daemon's epoch.
 #[derive(Debug)]
@@ -22,11 +22,32 @@ impl ObservationPublisher {
     /// Publishes the poses that were true at `stamp_ns`, `CLOCK_MONOTONIC` ns: one for each robot that
     /// the publisher was made for, in the world frame, m and rad.
     ///
+    /// For who does not know what the robots' drivers do: a localisation system. The daemon then takes
+    /// them to get every command in time.
+    ///
     /// # Errors
     /// [`ChannelError::Transfer`] for another number of poses, and when a reader could not be reached;
     /// [`ChannelError::NotLoaned`] when shared memory is exhausted.
     pub fn publish(&mut self, stamp_ns: u64, poses: &[(RobotId, Pose)]) -> Result<(), ChannelError> {
-        if poses.len() != self.robots {
+        self.send(stamp_ns, poses.len(), poses.iter().map(|(id, pose)| (*id, *pose, Holding::Untold)))
+    }
+
+    /// The same of a driver, with what each robot's gate [holds](crate::actuation::Gate::holding) at
+    /// `stamp_ns`, so that one that missed a command is noticed.
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish).
+    pub fn report(&mut self, stamp_ns: u64, robots: &[(RobotId, Pose, Holding)]) -> Result<(), ChannelError> {
+        self.send(stamp_ns, robots.len(), robots.iter().copied())
+    }
+
+    fn send(
+        &mut self,
+        stamp_ns: u64,
+        robots: usize,
+        seen: impl Iterator<Item = (RobotId, Pose, Holding)>,
+    ) -> Result<(), ChannelError> {
+        if robots != self.robots {
             let reason = "there have to be as many poses as the publisher was made for";
             return Err(ChannelError::Transfer { channel: "observation", reason });
         }
@@ -37,14 +58,10 @@ impl ObservationPublisher {
         let (epoch, sequence) = (self.epoch, self.sequence);
         self.writer.publish(|header, records| {
             (header.epoch, header.sequence, header.stamp_ns) = (epoch, sequence, stamp_ns);
-            for (record, (id, pose)) in records.iter_mut().zip(poses) {
-                *record = RobotObservation {
-                    id: id.0,
-                    reserved: 0,
-                    x_m: pose.position_m.x,
-                    y_m: pose.position_m.y,
-                    theta_rad: pose.theta_rad,
-                };
+            for (record, (id, pose, holding)) in records.iter_mut().zip(seen) {
+                let (x_m, y_m) = (pose.position_m.x, pose.position_m.y);
+                let (id, holding, theta_rad) = (id.0, holding.code(), pose.theta_rad);
+                *record = RobotObservation { id, holding, x_m, y_m, theta_rad };
             }
         })
     }

@@ -26,7 +26,7 @@ use crate::certificate::barrier::activation_m;
 use crate::certificate::robust::{Margin, Reach};
 use crate::config::{Config, ControllerConfig, Profile, SolverKind};
 use crate::document::names;
-use crate::geometry::Pose;
+use crate::geometry::{Pose, Way};
 use crate::guidance::{self, Neighbour, Predictions};
 use crate::model::{Disturbance, Limits, Obstacle};
 use crate::neighbours::{Neighbourhood, Sight, Surroundings};
@@ -100,6 +100,8 @@ struct Law {
     limits: Limits,
     guidance: guidance::Params,
     period_s: f64,
+    /// From a state to the instant at which its answer acts, s.
+    ahead_s: f64,
     tolerance_m: f64,
     obstacles: Vec<Obstacle>,
     /// Speed bound of each robot of the fleet that is not ours.
@@ -120,6 +122,8 @@ struct Law {
     /// m: of this period's states.
     largest_radius_m: f64,
     unknown_m: f64,
+    /// Length of the longest way on which one of ours may stand, m; `None` when none may.
+    longest_way_m: Option<f64>,
     /// Indices of the robots that everybody looks at however far: those that are not ours, and one of
     /// ours that may be anywhere. What is not known of these few would have all look at the whole fleet.
     strangers: Vec<usize>,
@@ -133,6 +137,7 @@ impl Law {
             limits: scenario.limits,
             guidance: config.guidance,
             period_s: config.timing.period_s(),
+            ahead_s: 0.0,
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),
             bounds: (!config.robust.is_none()).then_some(config.robust),
@@ -143,6 +148,7 @@ impl Law {
             lost_m: 0.0,
             largest_radius_m: 0.0,
             unknown_m: 0.0,
+            longest_way_m: None,
             strangers: Vec::with_capacity(robots),
             foreign_speed_mps: (0..robots)
                 .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
@@ -156,12 +162,15 @@ impl Law {
             Timing::LogicalExecutionTime => (self.period_s, 2.0),
             Timing::Ideal => (0.0, 1.0),
         };
+        self.ahead_s = ahead_s;
         self.margin = self.bounds.map(|b| Margin::new(b, &self.limits, self.period_s, ahead_s));
         self.foreign_s = foreign_periods * self.period_s + self.margin.map_or(0.0, |m| m.rest_s());
         let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
         self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
         let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
+        let on_its_way = fleet.iter().filter(|robot| robot.has(state_flags::MAY_STAND));
+        self.longest_way_m = on_its_way.map(|robot| self.way_m(robot)).reduce(f64::max);
         let unseen_m = self.find_strangers(fleet);
         self.unknown_m = self.untrusted_m.max(unseen_m + way_m) + self.lost_m;
     }
@@ -209,25 +218,48 @@ impl Law {
         margin.reach(robot.uncertainty_m, robot.command())
     }
 
+    /// Length of the way from where a robot was last seen to where the next command finds it, m.
+    fn way_m(&self, robot: &RobotState) -> f64 {
+        (robot.way_m + robot.v_mps.abs() * self.ahead_s).max(0.0) + self.reach(robot).lead_m
+    }
+
+    /// The way on which a predicted robot may stand.
+    fn way(&self, predicted: &RobotState) -> Way {
+        let length_m = self.way_m(predicted);
+        Way { from_m: predicted.seen_m(), to_m: predicted.position_m(), length_m }
+    }
+
+    /// How far a robot that stands on its way may be from what is taken to be that way, m.
+    fn stray_m(&self, robot: &RobotState) -> f64 {
+        let reach = self.reach(robot);
+        self.lost_m + reach.lead_m + reach.extent_m()
+    }
+
     /// How far a robot of this radius looks for a stranger, m: to where its row can bind.
     fn sight_of_m(&self, radius_m: f64, index: usize, stranger: &RobotState) -> f64 {
         let moved_m = self.foreign_speed_mps[index].map_or(0.0, |speed_mps| self.foreign_s * speed_mps);
         let required = self.limits.safety_margin_m + radius_m + stranger.radius_m;
-        self.rows_m(required + stranger.uncertainty_m + moved_m)
+        self.rows_m(required + stranger.uncertainty_m + moved_m, 0.5)
     }
 
-    /// How far from a robot a row that keeps `required_m` can bind, m.
-    fn rows_m(&self, required_m: f64) -> f64 {
+    /// How far from a robot a row that keeps `required_m` and leaves this share of the gap can bind, m.
+    fn rows_m(&self, required_m: f64, share: f64) -> f64 {
         let rate = self.control.gamma.min(self.control.comfort_gamma);
         let extent = self.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
         let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
-        activation_m(required_m + extent, speed_mps, self.period_s, rate, 0.5)
+        activation_m(required_m + extent, speed_mps, self.period_s, rate, share)
     }
 
     /// How far a robot of this radius looks: for every row that can bind, and for the guidance.
     fn sight(&self, radius_m: f64) -> Sight {
         let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
-        let rows_m = self.rows_m(required + self.unknown_m);
+        let robots_m = self.rows_m(required + self.unknown_m, 0.5);
+        let ways_m = self.longest_way_m.map_or(0.0, |way_m| {
+            let stray_m = self.lost_m + self.margin.map_or(0.0, |margin| margin.extent_max_m());
+            // As far as its end may be from its nearest point, and its bow.
+            self.rows_m(required + stray_m + 1.5 * way_m, 1.0)
+        });
+        let rows_m = robots_m.max(ways_m);
         let printed_m = (required * required + printed::ACTIVATION_M2).sqrt();
         let all_m = if self.control.profile == Profile::Paper { rows_m.max(printed_m) } else { rows_m };
         Sight { all_m, nearest_m: self.guidance.sight_m, nearest: guidance::NEIGHBOURS_MAX }

@@ -247,13 +247,15 @@ impl RobotController {
         } else if !current {
             // The next state is out: nobody waits for an answer to this one any more.
             RobotCommand::stop(self.id, StopReason::Deadline)
-        } else if own.has(state_flags::VALID) {
+        } else if !own.has(state_flags::VALID) {
+            RobotCommand::stop(self.id, StopReason::NoState)
+        } else if own.has(state_flags::OUT_OF_STEP) {
+            RobotCommand::stop(self.id, StopReason::OutOfStep)
+        } else {
             match self.solve(law, fleet, work, &mut telemetry) {
                 Ok(command) => RobotCommand::verified(self.id, command),
                 Err(reason) => RobotCommand::stop(self.id, reason),
             }
-        } else {
-            RobotCommand::stop(self.id, StopReason::NoState)
         };
         telemetry.stop_reason = command.stop_reason;
         (telemetry.v_mps, telemetry.omega_radps) = (command.v_mps, command.omega_radps);

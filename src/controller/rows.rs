@@ -25,6 +25,9 @@ pub(super) struct Body {
     pub(super) blind: f64,
 }
 
+/// A way that is straight but for this is taken to be straight, m: what rounding makes of a straight one.
+const BOW_MIN_M: f64 = 1e-7;
+
 /// Distances below this have no direction, m.
 const COINCIDENT_M: f64 = 1e-9;
 
@@ -101,6 +104,41 @@ pub(super) fn bodies<'a>(
             }
         })
     });
+    // One of ours that follows its commands may as well have come to a stand anywhere on its way. Then it
+    // goes on standing, and leaves us the whole gap.
+    let ways = near.iter().flat_map(move |n| {
+        let other = &fleet[n.index];
+        let found = other.has(state_flags::MAY_STAND).then(|| {
+            let (way, stray_m) = (law.way(other), law.stray_m(other));
+            let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + stray_m;
+            let body = |point: Vec2, beyond_m: f64, touches: bool| {
+                let offset = here - point;
+                let distance_m = offset.norm();
+                let normal = away(offset, distance_m, own.id, other.id);
+                let (doubt_m, extent_m) = doubt(normal, None);
+                let gap_m = distance_m - required_m - beyond_m - doubt_m;
+                Body {
+                    normal,
+                    gap_m: if touches { gap_m.min(0.0) } else { gap_m },
+                    share: 1.0,
+                    anywhere: touches && beyond_m > BOW_MIN_M,
+                    blind: (extent_m + stray_m) / distance_m.max(COINCIDENT_M),
+                }
+            };
+            let bow_m = way.bow_m();
+            let nearest = way.closest_point(here);
+            if (here - nearest).norm() > reach(required_m + bow_m, 1.0) {
+                return [None, None];
+            }
+            let next = body(nearest, bow_m, false);
+            if next.gap_m > 0.0 {
+                return [Some(next), None];
+            }
+            // Within reach of it: no closer to either end, and so to no point between them.
+            [Some(body(way.from_m, bow_m, true)), Some(body(way.to_m, bow_m, true))]
+        });
+        found.unwrap_or_default().into_iter().flatten()
+    });
     let obstacles = law.obstacles.iter().filter_map(move |obstacle| {
         let required_m = law.limits.safety_margin_m + own.radius_m + obstacle.reach_m();
         let offset = here - obstacle.closest_core_point(here);
@@ -117,7 +155,7 @@ pub(super) fn bodies<'a>(
             }
         })
     });
-    robots.chain(obstacles)
+    robots.chain(ways).chain(obstacles)
 }
 
 /// How fast a body is approached by unit speed at the turn rate `omega_radps`.

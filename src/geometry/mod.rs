@@ -10,6 +10,7 @@ mod distance;
 mod grid;
 mod shape;
 mod timed;
+mod way;
 
 pub use angle::{bearing, rotate, unit, wrap};
 pub use arc::{Arc, Integration, Pose, chord_factor, sinc};
@@ -17,6 +18,7 @@ pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_
 pub use grid::Grid;
 pub use shape::{closest_point_on_segment, segment_distance};
 pub use timed::{TimedArc, min_distance_timed};
+pub use way::Way;
 
 /// A point or vector in the plane, metres.
 pub type Vec2 = nalgebra::Vector2<f64>;

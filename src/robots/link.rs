@@ -3,6 +3,7 @@ use std::collections::VecDeque;
 use crate::disturbance::is_lost;
 use crate::geometry::Pose;
 use crate::model::RobotId;
+use crate::wire::Holding;
 
 /// How observations travel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -18,8 +19,8 @@ pub struct Link {
 /// What the link lets out.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outgoing {
-    /// Poses and when they were seen, ns.
-    Sample(u64, Vec<(RobotId, Pose)>),
+    /// Poses, what the robots held, and when that was seen, ns.
+    Sample(u64, Vec<(RobotId, Pose, Holding)>),
     /// A sample that was lost.
     Lost,
 }
@@ -30,7 +31,7 @@ pub(super) struct Queue {
     link: Link,
     sender: u32,
     number: u64,
-    waiting: VecDeque<(u64, Vec<(RobotId, Pose)>)>,
+    waiting: VecDeque<(u64, Vec<(RobotId, Pose, Holding)>)>,
 }
 
 impl Queue {
@@ -38,7 +39,7 @@ impl Queue {
         Self { link, sender, number: 0, waiting: VecDeque::new() }
     }
 
-    pub(super) fn push(&mut self, stamp_ns: u64, poses: Vec<(RobotId, Pose)>) {
+    pub(super) fn push(&mut self, stamp_ns: u64, poses: Vec<(RobotId, Pose, Holding)>) {
         self.waiting.push_back((stamp_ns, poses));
     }
 

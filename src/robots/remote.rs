@@ -18,6 +18,8 @@ pub struct Commands {
     pub accepted: u64,
     /// Commands that had expired when they came.
     pub expired: u64,
+    /// Commands that came after their time had begun, or after one that was missed: the robots stood.
+    pub missed: u64,
     /// Commands that were refused for another reason: old, out of order, beyond the limits.
     pub refused: u64,
     /// Samples of commands that had changed in memory on their way, and were not looked at.
@@ -151,6 +153,7 @@ impl RemoteRobots {
             match self.plant.command(index, header, command, now_ns) {
                 Ok(()) => self.commands.accepted += 1,
                 Err(Refusal::Expired) => self.commands.expired += 1,
+                Err(Refusal::Late | Refusal::OutOfStep) => self.commands.missed += 1,
                 Err(_) => self.commands.refused += 1,
             }
             let reason = StopReason::from_code(command.stop_reason);
@@ -178,7 +181,9 @@ impl RemoteRobots {
 
     /// Looks where everybody is; the link carries it.
     pub fn observe(&mut self) {
-        let seen = |(index, robot): (usize, RobotId)| (robot, self.plant.seen(index).unwrap_or_default());
+        let seen = |(index, robot): (usize, RobotId)| {
+            (robot, self.plant.seen(index).unwrap_or_default(), self.plant.holding(index))
+        };
         let poses = self.ids().enumerate().map(seen).collect();
         self.queue.push(self.plant.time_ns(), poses);
     }

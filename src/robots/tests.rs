@@ -4,7 +4,7 @@ use crate::figures::Clearances;
 use crate::geometry::TimedArc;
 use crate::model::{Command, RobotSpec};
 use crate::scenario::Scenario;
-use crate::wire::{CommandHeader, RobotCommand, StopReason};
+use crate::wire::{CommandHeader, Holding, RobotCommand, StopReason};
 
 const T: u64 = 80_000_000;
 const START: u64 = 1_000 * T;
@@ -23,8 +23,15 @@ fn header(epoch: u64, tick: u64, from_ns: u64) -> CommandHeader {
         tick,
         valid_from_ns: from_ns,
         valid_until_ns: from_ns + T,
+        follows: tick.saturating_sub(1),
         ..CommandHeader::default()
     }
+}
+
+/// Lets everybody hold the stop of tick 0 of `epoch`: what comes then may move them.
+fn hold(fleet: &mut RemoteRobots, epoch: u64, now_ns: u64) {
+    let stops: Vec<_> = fleet.ids().map(|id| RobotCommand::stop(id, StopReason::Start)).collect();
+    fleet.hear(&header(epoch, 0, now_ns), &stops, now_ns);
 }
 
 fn drive(scenario: &Scenario, v_mps: f64) -> Vec<RobotCommand> {
@@ -37,6 +44,8 @@ fn driven_m(config: &Config, step_ns: u64) -> (f64, Vec<TimedArc>, Commands) {
     let mut fleet = robots(config, Link::default());
     let commands = drive(&config.scenario, 1.0);
     let (mut now_ns, mut told, mut pieces) = (START, false, vec![]);
+    // In phase with what comes.
+    hold(&mut fleet, 1, START + 12_345);
     while now_ns < START + 10 * T {
         fleet.advance(now_ns);
         if !told && now_ns >= START + T {
@@ -54,14 +63,17 @@ fn driven_m(config: &Config, step_ns: u64) -> (f64, Vec<TimedArc>, Commands) {
 fn a_command_acts_from_its_time_to_its_end_however_seldom_one_looks() {
     for step_ns in [T / 100, 1_234_567, T, 3 * T] {
         let (driven_m, pieces, commands) = driven_m(&config(), step_ns);
-        // Looked at once every three periods, the command comes when it has begun already.
-        let missed_ns = if step_ns == 3 * T { T - 12_345 } else { 0 };
-        assert!((driven_m - (T - missed_ns) as f64 * 1e-9).abs() < 1e-9, "{step_ns}: {driven_m}");
-        let moving: Vec<_> = pieces.iter().filter(|piece| piece.arc.v_mps != 0.0).collect();
-        assert_eq!(moving[0].from_ns, START + 2 * T + 12_345 + missed_ns);
-        assert_eq!(moving[moving.len() - 1].to_ns, START + 3 * T + 12_345);
         assert!(pieces.windows(2).all(|pair| pair[0].to_ns == pair[1].from_ns));
-        assert_eq!((commands.accepted, commands.expired, commands.refused), (8, 0, 0));
+        // Looked at once every three periods, the command comes when it has begun already.
+        if step_ns == 3 * T {
+            assert_eq!((driven_m, commands.accepted, commands.missed), (0.0, 8, 8));
+            continue;
+        }
+        assert!((driven_m - T as f64 * 1e-9).abs() < 1e-9, "{step_ns}: {driven_m}");
+        let moving: Vec<_> = pieces.iter().filter(|piece| piece.arc.v_mps != 0.0).collect();
+        assert_eq!(moving[0].from_ns, START + 2 * T + 12_345);
+        assert_eq!(moving[moving.len() - 1].to_ns, START + 3 * T + 12_345);
+        assert_eq!((commands.accepted, commands.missed, commands.refused), (16, 0, 0));
     }
 }
 
@@ -81,10 +93,11 @@ fn what_comes_too_late_is_counted_and_does_nothing() {
     let config = config();
     let mut fleet = robots(&config, Link::default());
     let commands = drive(&config.scenario, 1.0);
-    fleet.hear(&header(5, 1, START), &commands, START);
-    fleet.advance(START + T / 2);
+    hold(&mut fleet, 5, START);
+    fleet.hear(&header(5, 1, START + T), &commands, START);
+    fleet.advance(START + T + T / 2);
     assert_eq!(fleet.commanded(), 8);
-    fleet.advance(START + T);
+    fleet.advance(START + 2 * T);
     assert_eq!((fleet.commanded(), fleet.report().commands.ran_out), (0, 8));
     let there = fleet.pose(0);
     fleet.hear(&header(5, 2, START + T), &commands, START + 3 * T);
@@ -92,18 +105,19 @@ fn what_comes_too_late_is_counted_and_does_nothing() {
     fleet.advance(START + 9 * T);
     assert_eq!(fleet.pose(0), there);
     let counted = fleet.report().commands;
-    assert_eq!((counted.accepted, counted.expired, counted.refused), (8, 8, 8));
-    // Another run of the daemon may drive them again.
-    fleet.hear(&header(6, 0, START + 9 * T), &commands, START + 9 * T);
-    fleet.advance(START + 10 * T);
+    assert_eq!((counted.accepted, counted.expired, counted.missed, counted.refused), (16, 8, 0, 8));
+    // Another run of the daemon may drive them again, once they have held its stop.
+    hold(&mut fleet, 6, START + 9 * T);
+    fleet.hear(&header(6, 1, START + 10 * T), &commands, START + 9 * T);
+    fleet.advance(START + 11 * T);
     assert_ne!(fleet.pose(0), there);
     assert_eq!((fleet.report().epochs, fleet.run_ended_ns(), fleet.other_period_ns()), (2, None, None));
     let end: Vec<_> =
         config.scenario.robots.iter().map(|r| RobotCommand::stop(r.id, StopReason::Finished)).collect();
-    fleet.hear(&header(6, 2, START + 10 * T + 5), &end, START + 10 * T);
-    assert_eq!(fleet.run_ended_ns(), Some(START + 11 * T + 5));
-    let short = CommandHeader { valid_until_ns: START + 11 * T, ..header(6, 3, START + 11 * T - 7) };
-    fleet.hear(&short, &commands, START + 10 * T);
+    fleet.hear(&header(6, 2, START + 11 * T + 5), &end, START + 11 * T);
+    assert_eq!(fleet.run_ended_ns(), Some(START + 12 * T + 5));
+    let short = CommandHeader { valid_until_ns: START + 12 * T, ..header(6, 3, START + 12 * T - 7) };
+    fleet.hear(&short, &commands, START + 11 * T);
     assert_eq!(fleet.other_period_ns(), Some(7));
 }
 
@@ -122,7 +136,8 @@ fn the_link_delays_and_loses_and_changes_nothing_else() {
             Outgoing::Lost => lost += 1,
             Outgoing::Sample(stamp_ns, poses) => {
                 assert_eq!(stamp_ns, now_ns);
-                let starts = config.scenario.robots.iter().map(|robot| (robot.id, robot.start));
+                let starts =
+                    config.scenario.robots.iter().map(|robot| (robot.id, robot.start, Holding::Nothing));
                 assert!(poses.into_iter().eq(starts));
             }
         }
@@ -143,7 +158,8 @@ fn clearance_between_processes_follows_from_their_records() {
         let scenario = Scenario { robots, ..config.scenario.clone() };
         let mut fleet = RemoteRobots::new(&config, scenario, Link::default(), START);
         let mut records = vec![];
-        for k in 0..20 {
+        hold(&mut fleet, 1, START);
+        for k in 1..21 {
             fleet.hear(&header(1, k, START + k * T), &commands, START + k * T);
             let ids: Vec<_> = fleet.ids().collect();
             for (id, pieces) in ids.into_iter().zip(fleet.take_motions()) {

@@ -192,6 +192,7 @@ struct Driver {
     reader: CommandReader,
     writer: Writer<RobotObservation>,
     ids: Vec<u32>,
+    epoch: u64,
     commands: u64,
     refused: u64,
     observations: u64,
@@ -205,6 +206,7 @@ impl Driver {
             reader: node.reader()?,
             writer: node.writer(ids.len())?,
             ids,
+            epoch: 0,
             commands: 0,
             refused: 0,
             observations: 0,
@@ -215,6 +217,7 @@ impl Driver {
     fn receive(&mut self, now_ns: u64) {
         while let Ok(Some(sample)) = self.reader.next() {
             self.commands += 1;
+            self.epoch = sample.header().epoch;
             for (index, command) in sample.robots().iter().enumerate().take(self.ids.len()) {
                 self.refused +=
                     u64::from(self.plant.command(index, sample.header(), command, now_ns).is_err());
@@ -226,13 +229,13 @@ impl Driver {
         self.receive(now_ns);
         self.plant.advance(to_ns);
         self.observations += 1;
-        let (ids, poses) = (&self.ids, self.plant.poses());
+        let (ids, epoch, plant, poses) = (&self.ids, &self.epoch, &self.plant, self.plant.poses());
         // A failure shows: the daemon hears nothing, and says so.
         let _ = self.writer.publish(|header, records| {
-            (header.sequence, header.stamp_ns) = (self.observations, to_ns);
-            for ((record, pose), id) in records.iter_mut().zip(poses).zip(ids) {
-                let (x_m, y_m) = (pose.position_m.x, pose.position_m.y);
-                *record = RobotObservation { id: *id, reserved: 0, x_m, y_m, theta_rad: pose.theta_rad };
+            (header.epoch, header.sequence, header.stamp_ns) = (*epoch, self.observations, to_ns);
+            for (index, ((record, pose), id)) in records.iter_mut().zip(poses).zip(ids).enumerate() {
+                let (x_m, y_m, holding) = (pose.position_m.x, pose.position_m.y, plant.holding(index).code());
+                *record = RobotObservation { id: *id, holding, x_m, y_m, theta_rad: pose.theta_rad };
             }
         });
     }

@@ -63,6 +63,8 @@ pub(super) struct LoopMemory {
     pub(super) refusals: u64,
     /// The period in which `commands` act, if they went out.
     committed: Option<u64>,
+    /// Tick of the newest sample of commands that went out.
+    sent: Option<u64>,
     /// What robots may still travel on earlier commands; `None` when the rows allow for nothing.
     pub(super) remaining: Option<Remaining>,
     /// What a new robot has to keep clear of.
@@ -87,6 +89,7 @@ impl LoopMemory {
             hold: 0,
             refusals: 0,
             committed: None,
+            sent: None,
             remaining: None,
             room: Room::default(),
             counted_to: 0,
@@ -325,6 +328,7 @@ impl<C: Clock> ControlLoop<C> {
     /// Sends the commands; whether they went out.
     fn send_commands(&mut self, header: &CommandHeader) -> bool {
         let memory = &mut self.memory;
+        let header = &CommandHeader { follows: memory.sent.unwrap_or(header.tick), ..*header };
         let commands = &memory.commands;
         let sent = self.commands.publish(|head, robots| {
             *head = *header;
@@ -337,6 +341,7 @@ impl<C: Clock> ControlLoop<C> {
         }
         // A reader that could not be reached leaves the others theirs.
         memory.committed = Some(header.tick);
+        memory.sent = Some(header.tick);
         self.source.commit(header, commands, header.stamp_ns);
         true
     }

@@ -23,6 +23,7 @@ pub(super) fn answer(
         _ if state.has(state_flags::STOPPED) => stop(StopReason::Stopped),
         _ if state.has(state_flags::PAUSED) => stop(StopReason::Paused),
         _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
+        _ if state.has(state_flags::OUT_OF_STEP) => stop(StopReason::OutOfStep),
         None => stop(missing),
         Some((staged, _)) if staged.stop_reason != 0 => {
             RobotCommand { id: state.id, v_mps: 0.0, omega_radps: 0.0, ..staged }

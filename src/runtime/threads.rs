@@ -135,7 +135,7 @@ pub(super) fn loop_thread(
     let source: Box<dyn StateSource> = match (&common.source, observations) {
         (Some(make), _) => make(config, start_ns),
         (None, None) => {
-            let plant = Plant::new(scenario, period_ns, start_ns).moved_by(config.source.plant);
+            let plant = Plant::new(scenario, period_ns, start_ns).unreported().moved_by(config.source.plant);
             let plant = plant.disturbed(scenario, &config.disturbance, period_ns);
             Box::new(plant.with_places(common.places()))
         }

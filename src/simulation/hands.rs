@@ -29,6 +29,9 @@ pub(crate) enum Wrong {
     /// Changes a command by its last bit.
     #[cfg(test)]
     Nudge,
+    /// Takes everybody to be where commands lead.
+    #[cfg(test)]
+    Trusting,
 }
 
 /// Tells a worker what to do wrong, and hears how often it could.
@@ -114,6 +117,14 @@ impl Decider for Hand {
             spoil(switch, fleet.get(index), &mut decision);
             each(index, &decision);
         };
+        #[cfg(test)]
+        if switch.wrong.get() == Wrong::Trusting {
+            switch.note();
+            let nobody_stands =
+                |state: &RobotState| RobotState { flags: state.flags & !state_flags::MAY_STAND, ..*state };
+            let fleet: Vec<RobotState> = fleet.iter().map(nobody_stands).collect();
+            return Decider::decide_region(&mut self.group, region, &fleet, remember, &mut answer);
+        }
         Decider::decide_region(&mut self.group, region, fleet, remember, &mut answer);
     }
 }

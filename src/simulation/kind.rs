@@ -39,9 +39,11 @@ pub struct Promise {
     pub(crate) says: Option<&'static str>,
     /// How many periods it may last: from, to.
     pub(crate) lasts: (u64, u64),
-    /// What it makes of the clearance: false where the robot's senses lie within what is plausible, or it
-    /// did not hear what everybody else relies on.
+    /// Whether robots keep clear of each other all the same: not of one whose senses lie within what is
+    /// plausible for many periods.
     pub(crate) keeps_clear: bool,
+    /// Whether a pose that is not true may be believed: the robot may drive from elsewhere than is known.
+    pub(crate) misleads: bool,
 }
 
 const REFUSED: Option<&str> = Some("observations refused");
@@ -62,12 +64,13 @@ const fn one(name: &'static str, scope: Scope, policy: &'static str) -> Promise 
         says: None,
         lasts: (1, 1),
         keeps_clear: true,
+        misleads: false,
     }
 }
 
 /// Robots stop when their observations are refused for longer than they may be old.
 const UNSEEN: &[StopReason] = &[StopReason::NoState];
-/// A robot that did not hear one command drives the next from elsewhere than it was computed for.
+/// A robot that missed a command: the daemon hears of it, the robot holds a stop, the daemon hears of that.
 const UNHEARD: u64 = 4;
 const LATE: &[StopReason] = &[StopReason::Deadline];
 /// A sample that jumps, and five that agree.
@@ -182,7 +185,7 @@ kinds! {
     /// A coordinate is subnormal.
     ObsSubnormal => Promise {
         counters: &[Rejected(Rejection::Jump)], stops: UNSEEN, lasts: (1, 3), recovery: READMITTED,
-        named: false, keeps_clear: false,
+        named: false, keeps_clear: false, misleads: true,
         ..one("obs-subnormal", Scope::Robot, "a number like any other: refused where it is a jump, else believed")
     };
     /// A coordinate is outside of the arena.
@@ -219,7 +222,12 @@ kinds! {
     };
     /// An older sample after a newer one.
     ObsReordered => Promise {
-        counters: &[Rejected(Rejection::Reordered), Skipped, Rejected(Rejection::Repeated), Rejected(Rejection::Stale)], lasts: (1, 4), says: REFUSED,
+        // One that was stamped ahead is of its time when it comes again, and tells what was held long before.
+        counters: &[
+            Rejected(Rejection::Reordered), Skipped, Rejected(Rejection::Repeated), Rejected(Rejection::Stale),
+            Stop(StopReason::OutOfStep),
+        ],
+        stops: &[StopReason::OutOfStep], lasts: (1, 4), recovery: UNHEARD, says: REFUSED, misleads: true,
         ..one("obs-reordered", Scope::Driver, "refused; nothing else happens")
     };
     /// Samples are lost on the way.
@@ -247,7 +255,7 @@ kinds! {
     ObsFuture => Promise {
         // One that waits while the loop overruns is not of the future any more, and newer than those behind it.
         counters: &[Rejected(Rejection::Future), Skipped, Rejected(Rejection::Reordered)],
-        stops: UNSEEN, lasts: (1, 6), recovery: 2, says: REFUSED,
+        stops: UNSEEN, lasts: (1, 6), recovery: 2, says: REFUSED, misleads: true,
         ..one("obs-future", Scope::Driver, "refused; stale after two periods, then its robots stop")
     };
     /// A robot is seen elsewhere than where it can be.
@@ -258,7 +266,7 @@ kinds! {
     /// The pose stays the same while the robot drives and its samples go on.
     ObsFrozen => Promise {
         counters: &[Counter::Frozen, Rejected(Rejection::Jump)], stops: UNSEEN, lasts: (13, 18),
-        recovery: READMITTED, says: Some("robots whose pose does not change"), keeps_clear: false,
+        recovery: READMITTED, says: Some("robots whose pose does not change"), keeps_clear: false, misleads: true,
         ..one("obs-frozen", Scope::Robot, "believed, and reported after ten samples: an alarm, not a stop")
     };
     /// A driver says nothing.
@@ -273,7 +281,8 @@ kinds! {
     };
     /// A robot is carried to another place.
     Kidnapped => Promise {
-        counters: &[Rejected(Rejection::Jump)], stops: UNSEEN, recovery: READMITTED, says: REFUSED,
+        counters: &[Rejected(Rejection::Jump), Stop(StopReason::OutOfStep), Gate(Refusal::OutOfStep)],
+        stops: &[StopReason::NoState, StopReason::OutOfStep], recovery: READMITTED, says: REFUSED,
         ..one("kidnapped", Scope::Robot, "quarantine until five samples agree; the robot stands")
     };
     /// A worker does not get the state.
@@ -304,8 +313,9 @@ kinds! {
     };
     /// A bit of a command sample flips on its way to a driver.
     CmdBit => Promise {
-        counters: &[Counter::CorruptCommands], lasts: (1, 3), recovery: UNHEARD, keeps_clear: false,
-        ..one("cmd-bit", Scope::Driver, "not handed out; the robots stand until the next one comes")
+        counters: &[Counter::CorruptCommands, Gate(Refusal::OutOfStep), Stop(StopReason::OutOfStep)],
+        stops: &[StopReason::OutOfStep], lasts: (1, 3), recovery: UNHEARD,
+        ..one("cmd-bit", Scope::Driver, "not handed out; the robots stand until they have held a stop")
     };
     /// A command sample comes again.
     CmdRepeated => Promise {
@@ -314,8 +324,9 @@ kinds! {
     };
     /// A command sample comes after it has expired.
     CmdLate => Promise {
-        counters: &[Gate(Refusal::OldTick), Gate(Refusal::Expired)], recovery: 4, keeps_clear: false,
-        ..one("cmd-late", Scope::Driver, "refused by the gate; the robots stand for the period")
+        counters: &[Stop(StopReason::OutOfStep), Gate(Refusal::OldTick), Gate(Refusal::Expired), Gate(Refusal::OutOfStep)],
+        stops: &[StopReason::OutOfStep], recovery: UNHEARD,
+        ..one("cmd-late", Scope::Driver, "refused by the gate; the robots stand until they have held a stop")
     };
     /// Commands of an earlier run are played back.
     CmdOldEpoch => Promise {
@@ -339,8 +350,15 @@ kinds! {
     };
     /// A command sample is lost on the way to a driver.
     CmdLost => Promise {
-        lasts: (1, 4), recovery: UNHEARD, keeps_clear: false,
-        ..one("cmd-lost", Scope::Driver, "the robots stand until the next one comes")
+        counters: &[Stop(StopReason::OutOfStep), Gate(Refusal::OutOfStep)],
+        stops: &[StopReason::OutOfStep], lasts: (1, 4), recovery: UNHEARD,
+        ..one("cmd-lost", Scope::Driver, "the robots stand until they have held a stop")
+    };
+    /// A robot stops by itself: an emergency stop, a blocked wheel.
+    Halted => Promise {
+        counters: &[Stop(StopReason::OutOfStep), Gate(Refusal::OutOfStep)],
+        stops: &[StopReason::OutOfStep], lasts: (1, 6), recovery: UNHEARD,
+        ..one("halted", Scope::Robot, "it stands until it has held a stop; others keep clear of all of its way")
     };
     /// There is no shared memory for the next command sample.
     Exhausted => Promise {
@@ -369,7 +387,8 @@ kinds! {
     };
     /// An operator adds a robot and one more, for which there is no room, and takes the first away again.
     OpAdd => Promise {
-        stops: &[StopReason::Start, StopReason::NoState], counters: &[Counter::Refused], lasts: (6, 20),
+        stops: &[StopReason::Start, StopReason::NoState, StopReason::OutOfStep],
+        counters: &[Counter::Refused, Stop(StopReason::OutOfStep)], lasts: (6, 20),
         recovery: 4, says: Some("refused: "),
         ..one("op-add", Scope::Fleet, "takes a free place and is driven once it is seen; the surplus is refused")
     };

@@ -46,6 +46,25 @@ impl Keeps {
         self.limits.safety_margin_m + a.radius_m + b.radius_m
     }
 
+    /// The distances before and after to a place where `other` may have come to a stand, if somebody at `here`
+    /// who drives `way` comes too close to it.
+    fn stands_in_the_way(
+        &self,
+        other: &RobotState,
+        here: Vec2,
+        way: &[Vec2],
+        required_m: f64,
+    ) -> Option<(f64, f64)> {
+        let period = |i: usize| self.period_s * i as f64 / (POINTS - 1) as f64;
+        let on_its_way = |i| driven(other.position_m(), other.theta_rad, other.command(), period(i));
+        let places = (0..POINTS).map(on_its_way).chain([other.seen_m()]);
+        places.into_iter().find_map(|place| {
+            let before_m = (here - place).norm();
+            let after_m = way.iter().map(|moved| (here + moved - place).norm()).fold(f64::INFINITY, f64::min);
+            (after_m < required_m.min(before_m) - ROUNDING_M).then_some((before_m, after_m))
+        })
+    }
+
     /// Why `command` must not be given to robot `me`, whose command in force leads to where this one acts;
     /// `None` when it may: it is finite, within the limits, and keeps its share of every gap.
     pub(crate) fn objection(
@@ -73,6 +92,9 @@ impl Keeps {
         }
         if !own.has(state_flags::VALID) {
             return Some("a robot without a trusted state is driven".to_owned());
+        }
+        if own.has(state_flags::OUT_OF_STEP) {
+            return Some("a robot that missed a command is driven".to_owned());
         }
         if input.v_mps == 0.0 {
             return None;
@@ -109,6 +131,15 @@ impl Keeps {
                     other.id
                 ));
             }
+            let came = other
+                .has(state_flags::MAY_STAND)
+                .then(|| self.stands_in_the_way(other, here, &way, required_m));
+            if let Some((before_m, after_m)) = came.flatten() {
+                return Some(format!(
+                    "if robot {} has come to a stand on its way it comes from {before_m} m to {after_m} m of it",
+                    other.id
+                ));
+            }
         }
         for obstacle in &self.obstacles {
             let apart = here - obstacle.closest_core_point(here);
@@ -126,16 +157,30 @@ impl Keeps {
     }
 }
 
-/// What was really published, as the plant may drive it.
+/// What was really published, as the plant may drive it, and the state that it answers.
 #[derive(Debug, Default)]
-pub(crate) struct Genuine(VecDeque<Message<RobotCommand>>);
+pub(crate) struct Genuine(VecDeque<(Message<RobotCommand>, Option<Message<RobotState>>)>);
 
 impl Genuine {
-    pub(crate) fn add(&mut self, message: Message<RobotCommand>) {
+    pub(crate) fn add(&mut self, message: Message<RobotCommand>, state: Option<Message<RobotState>>) {
         if self.0.len() == REMEMBERED {
             self.0.pop_front();
         }
-        self.0.push_back(message);
+        self.0.push_back((message, state));
+    }
+
+    /// Where robot `id` was to begin the command with which `piece` begins, and how far from there it does,
+    /// m; `None` where that is the same place, or cannot be known.
+    pub(crate) fn astray(&self, id: u32, piece: &TimedArc) -> Option<(Vec2, f64)> {
+        let begins =
+            |(message, _): &&(Message<RobotCommand>, _)| message.header.valid_from_ns == piece.from_ns;
+        let (message, state) = self.0.iter().rev().find(begins)?;
+        let state = state.as_ref()?;
+        let robot = state.robots.iter().find(|robot| robot.id == id)?;
+        let period_s = message.header.valid_from_ns.checked_sub(state.header.release_ns)? as f64 * 1e-9;
+        let expected = driven(robot.position_m(), robot.theta_rad, robot.command(), period_s);
+        let off_m = (piece.arc.start.position_m - expected).norm();
+        (off_m > TOUCH_M).then_some((expected, off_m))
     }
 
     /// Whether robot `id` may drive `piece`: it stands, or somebody told it so, for all of that time.
@@ -144,7 +189,7 @@ impl Genuine {
         if (v_mps, omega_radps) == (0.0, 0.0) {
             return true;
         }
-        self.0.iter().rev().any(|message| {
+        self.0.iter().rev().any(|(message, _)| {
             let header = &message.header;
             header.valid_from_ns <= piece.from_ns
                 && piece.to_ns <= header.valid_until_ns

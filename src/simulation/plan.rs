@@ -1,6 +1,7 @@
 //! What happens in a seed: the fleet, who speaks for it, and which faults come when.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use super::kind::{Kind, Scope};
 use super::random::Random;
@@ -12,6 +13,9 @@ use crate::scenario::Scenario;
 
 /// Periods before the first fault, and after the last one until everybody is to arrive.
 const CALM: u64 = 8;
+
+/// Kinds that came after seeds had been run, and are drawn in addition.
+const NEWER: &[Kind] = &[Kind::Halted];
 
 /// What kind of fleet a seed has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -259,9 +263,22 @@ impl Plan {
             None => Kind::ALL.iter().copied().filter(|kind| kind.promise().is_fault()).collect(),
         };
         let kinds: Vec<Kind> = kinds.into_iter().filter(|kind| self.suits(*kind)).collect();
+        // So that seeds stay what they were, newer kinds are drawn after the others.
+        let asked = options.kinds.is_some();
+        let (newer, kinds): (Vec<Kind>, Vec<Kind>) =
+            kinds.into_iter().partition(|kind| !asked && NEWER.contains(kind));
         let wanted = if kinds.len() == 1 { 1 + random.below(3) } else { 3 + random.below(10) };
-        for number in 0..usize::try_from(wanted).unwrap_or(0) {
-            let Some(&kind) = random.pick(&kinds) else { return };
+        let wanted = usize::try_from(wanted).unwrap_or(0);
+        self.draw_from(&kinds, 0..wanted, options, random);
+        if random.one_in(4) {
+            self.draw_from(&newer, wanted..wanted + 2, options, random);
+        }
+        self.faults.sort_by_key(|fault| fault.from);
+    }
+
+    fn draw_from(&mut self, kinds: &[Kind], numbers: Range<usize>, options: &Options, random: &mut Random) {
+        for number in numbers {
+            let Some(&kind) = random.pick(kinds) else { return };
             let promise = kind.promise();
             let periods = random.within(promise.lasts);
             let last = options.periods.saturating_sub(periods + CALM).max(CALM);
@@ -286,7 +303,6 @@ impl Plan {
                 self.faults.push(fault);
             }
         }
-        self.faults.sort_by_key(|fault| fault.from);
     }
 
     /// A robot that faults may concern, and that takes commands.

@@ -242,6 +242,10 @@ impl Run {
                 let lies = |one: &Active| !one.fault.keeps_clear() && one.touches(index);
                 active.iter().any(|one| lies(one) && one.acts_within(period))
             },
+            |index| {
+                let misleads = |one: &Active| one.kind().promise().misleads && one.touches(index);
+                active.iter().any(|one| misleads(one) && one.acts_within(period))
+            },
             |broken| judge.fail(period, Some(broken.robot), broken.invariant, broken.values),
         );
     }
@@ -403,10 +407,14 @@ impl Run {
         let lines = self.listener.take();
         let counts = crew.counts();
         let mut commands = self.monitors.commands.edit(std::mem::take);
-        for message in &commands {
-            self.world.genuine.add(message.clone());
-        }
         let states = self.monitors.states.edit(std::mem::take);
+        for message in &commands {
+            let (epoch, tick) = (message.header.epoch, message.header.tick);
+            let answered = |state: &&Message<RobotState>| {
+                state.header.epoch == epoch && state.header.tick.wrapping_add(1) == tick
+            };
+            self.world.genuine.add(message.clone(), states.iter().find(answered).cloned());
+        }
         let checkpoints = self.monitors.checkpoints.edit(std::mem::take);
         let world = &self.world;
         self.judge.published(
@@ -442,7 +450,7 @@ impl Run {
     fn look_at_the_last(&mut self, _: u64) {
         let commands = self.monitors.commands.edit(std::mem::take);
         for message in commands {
-            self.world.genuine.add(message);
+            self.world.genuine.add(message, None);
         }
         self.monitors.states.edit(VecDeque::clear);
         self.monitors.checkpoints.edit(VecDeque::clear);

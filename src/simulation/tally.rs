@@ -62,11 +62,13 @@ impl fmt::Display for Counter {
     }
 }
 
-const REFUSALS: [Refusal; 7] = [
+const REFUSALS: [Refusal; 9] = [
     Refusal::WrongRobot,
     Refusal::OldEpoch,
     Refusal::OldTick,
     Refusal::Expired,
+    Refusal::Late,
+    Refusal::OutOfStep,
     Refusal::Validity,
     Refusal::Input,
     Refusal::Future,

@@ -47,6 +47,11 @@ fn open(kinds: &[Kind]) -> Options {
     Options { class: Some(Class::Open), kinds: Some(kinds.to_vec()), periods: 60, ..Options::default() }
 }
 
+/// Twelve robots, who have to pass each other closely.
+fn crowded(kinds: &[Kind]) -> Options {
+    Options { robots: Some(12), periods: 90, ..open(kinds) }
+}
+
 #[test]
 fn a_gate_that_forgets_when_commands_expire_is_found() {
     let options = open(&[Kind::CmdLost]);
@@ -60,6 +65,22 @@ fn a_command_that_was_never_verified_is_found() {
     assert!(found(&options, |_, _| ()).is_empty());
     let reckless = |run: &mut Run, _: &Plan| run.judge.sabotage.wrong = Some((20, Wrong::Reckless));
     assert!(found(&options, reckless).contains(&'b'));
+}
+
+/// Drives from where it is what was computed for where it should have been.
+#[test]
+fn a_gate_that_follows_whatever_comes_is_found() {
+    let options = crowded(&[Kind::CmdLost]);
+    assert!(found(&options, |_, _| ()).is_empty());
+    assert!(found(&options, |run, _| run.world.follow_whatever_comes()).contains(&'b'));
+}
+
+#[test]
+fn a_controller_that_takes_robots_to_be_where_they_were_sent_is_found() {
+    let options = crowded(&[Kind::Halted]);
+    assert!(found(&options, |_, _| ()).is_empty());
+    let trusting = |run: &mut Run, _: &Plan| run.judge.sabotage.wrong = Some((0, Wrong::Trusting));
+    assert!(found(&options, trusting).contains(&'b'));
 }
 
 #[test]

@@ -14,7 +14,7 @@ use crate::geometry::{Pose, TimedArc, Vec2};
 use crate::model::RobotId;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
-use crate::wire::{ObservationHeader, RobotCommand, RobotObservation};
+use crate::wire::{Holding, ObservationHeader, RobotCommand, RobotObservation};
 
 /// Name of the simulated fleet.
 pub(crate) const FLEET: &str = "simulated";
@@ -56,6 +56,8 @@ pub(crate) struct World {
     false_sequence: u64,
     /// The plant drives what has expired, and nobody stops it.
     pub(crate) ignores_expiry: bool,
+    /// Robots follow whatever comes, and drivers do not tell.
+    untold: bool,
 }
 
 /// What went wrong outside, at which time.
@@ -107,7 +109,15 @@ impl World {
             false_sequence: 1,
             memory: Arc::clone(memory),
             ignores_expiry: false,
+            untold: false,
         }
+    }
+
+    /// Lets robots follow every command by itself, whatever they missed, to see that it is noticed.
+    #[cfg(test)]
+    pub(crate) fn follow_whatever_comes(&mut self) {
+        self.plant = self.plant.clone().unreported();
+        self.untold = true;
     }
 
     /// Lets a gate that forgets when commands expire stand before each robot, to see that it is noticed.
@@ -152,11 +162,13 @@ impl World {
 
     /// What was driven since the last time: by whom it was allowed, and how close any two came.
     ///
-    /// `present` are the robots of the fleet, `lied` those whose senses or ears cannot be relied on.
+    /// `present` are the robots of the fleet, `lied` those whose senses cannot be relied on for long, `misled`
+    /// those of which a false pose may be believed.
     pub(crate) fn judge(
         &mut self,
         present: impl Fn(usize) -> bool,
         lied: impl Fn(usize) -> bool,
+        misled: impl Fn(usize) -> bool,
         mut tell: impl FnMut(Broken),
     ) {
         for (index, pieces) in self.motions.iter().enumerate() {
@@ -168,6 +180,15 @@ impl World {
                         piece.from_ns, piece.to_ns
                     );
                     tell(Broken { robot: index, invariant: 'a', values });
+                }
+                let moves = piece.arc.v_mps != 0.0 && !misled(index) && !self.foreign[index];
+                if let Some((expected, off_m)) = self.genuine.astray(self.ids[index], piece).filter(|_| moves)
+                {
+                    let values = format!(
+                        "it begins a command {off_m} m from ({}, {}), for which that was computed",
+                        expected.x, expected.y
+                    );
+                    tell(Broken { robot: index, invariant: 'b', values });
                 }
             }
         }
@@ -317,8 +338,20 @@ impl World {
         }
         let period = self.next;
         self.next += 1;
+        // Before its driver looks, or just after, so that the daemon takes it to drive for a period more.
+        self.halt(period, active, |chance| chance < 0.5);
         for at in 0..self.drivers.len() {
             self.send(at, now_ns, period, active, &present);
+        }
+        self.halt(period, active, |chance| chance >= 0.5);
+    }
+
+    fn halt(&mut self, period: u64, active: &mut [Active], now: impl Fn(f64) -> bool) {
+        for one in active.iter_mut() {
+            if one.kind() == Kind::Halted && one.acts_at(period) && now(one.fault.chance) {
+                self.plant.halt(one.fault.target);
+                one.applied += 1;
+            }
         }
     }
 
@@ -345,7 +378,9 @@ impl World {
             .map(|index| {
                 let pose = self.plant.pose(*index).unwrap_or_default();
                 let (x_m, y_m) = (pose.position_m.x, pose.position_m.y);
-                RobotObservation { id: self.ids[*index], reserved: 0, x_m, y_m, theta_rad: pose.theta_rad }
+                let holding = if self.untold { Holding::Untold } else { self.plant.holding(*index) };
+                let (id, holding) = (self.ids[*index], holding.code());
+                RobotObservation { id, holding, x_m, y_m, theta_rad: pose.theta_rad }
             })
             .collect();
         let (mut times, mut again, mut pretender) = (1, None, None);

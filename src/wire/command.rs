@@ -22,6 +22,10 @@ pub struct CommandHeader {
     pub valid_from_ns: u64,
     /// From when they must not be used any more, `CLOCK_MONOTONIC` ns.
     pub valid_until_ns: u64,
+    /// Tick of the sample before this one, which its commands take the robots to hold; its own where there
+    /// is none. A robot that does not hold that one follows no command of this sample but a stop, and none of
+    /// later ones until it has held a stop for [`StopReason::OutOfStep`].
+    pub follows: u64,
     /// Records of the sample.
     pub records: u32,
     /// CRC-32 of the channel's name, the header before this field, and the records.
@@ -90,11 +94,14 @@ pub enum StopReason {
     Vacant = 12,
     /// The state that its command would have answered had changed in memory on its way.
     Corrupt = 13,
+    /// The robot has told that it follows no commands: it missed one, or was stopped by something else. Once it
+    /// holds this stop it may follow the next.
+    OutOfStep = 14,
 }
 
 impl StopReason {
     /// Every reason, in the order of the codes.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Start,
         Self::Deadline,
         Self::Unverified,
@@ -108,6 +115,7 @@ impl StopReason {
         Self::Stopped,
         Self::Vacant,
         Self::Corrupt,
+        Self::OutOfStep,
     ];
 
     /// Whether nothing went wrong: an operator wants it so, or nobody is there to be driven.
@@ -136,6 +144,7 @@ impl StopReason {
             Self::Stopped => "stopped",
             Self::Vacant => "vacant",
             Self::Corrupt => "corrupt",
+            Self::OutOfStep => "out_of_step",
         }
     }
 }

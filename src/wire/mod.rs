@@ -23,7 +23,7 @@ use codes::named_codes;
 pub use admin::{AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, admin_flags};
 pub use checkpoint::{CheckpointHeader, RobotCheckpoint, checkpoint_flags};
 pub use command::{CommandHeader, RobotCommand, StopReason};
-pub use observation::{ObservationHeader, RobotObservation};
+pub use observation::{Holding, ObservationHeader, RobotObservation};
 pub use seal::{Header, Seal};
 pub use state::{RobotIntent, RobotState, StateHeader, state_flags};
 pub use telemetry::{RobotTelemetry, SolveStatus, TelemetryHeader, telemetry_flags};

@@ -25,12 +25,60 @@ pub struct ObservationHeader {
 pub struct RobotObservation {
     /// Id of the robot.
     pub id: u32,
-    /// Zero; reserved.
-    pub reserved: u32,
+    /// Which command the robot follows: the code of its [`Holding`] at the stamp; 0 where the writer does
+    /// not know.
+    pub holding: u32,
     /// Position, m.
     pub x_m: f64,
     /// Position, m.
     pub y_m: f64,
     /// Heading, rad; any finite value, wrapped on admission.
     pub theta_rad: f64,
+}
+
+/// Which command a robot follows at an instant, as its [gate](crate::actuation::Gate) tells it.
+///
+/// Without it the daemon takes a robot to have got every command in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Holding {
+    /// Who looks does not know: a localisation system that has nothing to do with the driver.
+    #[default]
+    Untold,
+    /// None: the robot stands, because it missed one or never had one.
+    Nothing,
+    /// It has followed every command up to this one, which it has taken and may still be waiting to act.
+    Command {
+        /// The command's tick.
+        tick: u64,
+    },
+}
+
+impl Holding {
+    /// The code of [`Nothing`](Self::Nothing).
+    const NOTHING: u32 = 1;
+    /// Marks the code of a command; the other bits are the lowest of its tick.
+    const COMMAND: u32 = 1 << 31;
+
+    /// How it stands in a record: 0 untold, 1 nothing, otherwise bit 31 and the lowest 31 bits of the tick.
+    pub fn code(self) -> u32 {
+        match self {
+            Self::Untold => 0,
+            Self::Nothing => Self::NOTHING,
+            Self::Command { tick } => Self::COMMAND | (tick & u64::from(Self::COMMAND - 1)) as u32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_tell_ticks_apart_and_from_no_command() {
+        let code = |tick| Holding::Command { tick }.code();
+        assert_eq!((Holding::Untold.code(), Holding::Nothing.code()), (0, 1));
+        assert_eq!((code(0), code(1), code(7)), (0x8000_0000, 0x8000_0001, 0x8000_0007));
+        // Period numbers run on past what the code has room for.
+        assert_eq!((code(u64::MAX), code(1 << 31)), (u32::MAX, code(0)));
+    }
 }

@@ -120,8 +120,8 @@ mod tests {
     #[test]
     fn every_flipped_bit_is_found() {
         assert_eq!(every_flip_is_found::<ObservationHeader, RobotObservation>(NAME), 8 * (32 + 8 * 32));
-        assert_eq!(every_flip_is_found::<StateHeader, RobotState>(NAME), 8 * (48 + 8 * 144));
-        assert_eq!(every_flip_is_found::<CommandHeader, RobotCommand>(NAME), 8 * (56 + 8 * 24));
+        assert_eq!(every_flip_is_found::<StateHeader, RobotState>(NAME), 8 * (48 + 8 * 168));
+        assert_eq!(every_flip_is_found::<CommandHeader, RobotCommand>(NAME), 8 * (64 + 8 * 24));
     }
 
     #[test]

@@ -18,6 +18,12 @@ pub mod state_flags {
     pub const PAUSED: u32 = 1 << 4;
     /// The fleet is stopped, by an operator or by the daemon itself: the robot is told to stop until that is cleared.
     pub const STOPPED: u32 = 1 << 5;
+    /// The robot is seen and not driven by the daemon itself: it follows its commands, or it has come to a
+    /// stand somewhere on its way since it was last seen. Others keep clear of all of that way.
+    pub const MAY_STAND: u32 = 1 << 6;
+    /// The robot missed a command, or was stopped by something else: it stands, follows nothing that moves, and
+    /// is told to stop until it is known to hold that.
+    pub const OUT_OF_STEP: u32 = 1 << 7;
 }
 
 /// Header of a sample on `state`.
@@ -72,6 +78,13 @@ pub struct RobotState {
     /// or delay. For one that is not VALID also how far from its pose it may be: half of the way that it
     /// was told to drive since it was last seen; the pose is the middle of that way.
     pub uncertainty_m: f64,
+    /// Where it was last seen, m: the beginning of the way on which it may stand. Says nothing without
+    /// MAY_STAND.
+    pub seen_x_m: f64,
+    /// Where it was last seen, m.
+    pub seen_y_m: f64,
+    /// Length of the way that its commands have led it from there to its pose, m.
+    pub way_m: f64,
     /// What the robot meant to do when it chose its command.
     pub intent: RobotIntent,
 }
@@ -142,6 +155,11 @@ impl RobotState {
     /// Position at `t_k`, m.
     pub fn position_m(&self) -> Vec2 {
         Vec2::new(self.x_m, self.y_m)
+    }
+
+    /// Where it was last seen, m.
+    pub fn seen_m(&self) -> Vec2 {
+        Vec2::new(self.seen_x_m, self.seen_y_m)
     }
 
     /// Goal, m.

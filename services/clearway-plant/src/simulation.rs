@@ -209,7 +209,7 @@ impl<'a> Simulation<'a> {
                 Outgoing::Lost => ports.observations.skip(),
                 Outgoing::Sample(stamp_ns, poses) => {
                     // What does not arrive is as good as lost; the next one replaces it.
-                    let _ = ports.observations.publish(stamp_ns, &poses);
+                    let _ = ports.observations.report(stamp_ns, &poses);
                 }
             }
         }

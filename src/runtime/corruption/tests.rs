@@ -21,7 +21,9 @@ use crate::robots::{Link, RemoteRobots};
 use crate::scenario::Scenario;
 use crate::source::{Instant, Observed, StateSource};
 use crate::telemetry::{Pool, SolveRecord};
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotObservation, RobotState, state_flags};
+use crate::wire::{
+    CommandHeader, RobotCheckpoint, RobotCommand, RobotObservation, RobotState, StopReason, state_flags,
+};
 
 const T: u64 = 80_000_000;
 const NOW: u64 = 1_000 * T;
@@ -115,7 +117,7 @@ fn no_bit_of_an_observation() {
         for (record, robot) in records.iter_mut().zip(&config.scenario.robots) {
             let pose = robot.start;
             let (x_m, y_m) = (pose.position_m.x, pose.position_m.y);
-            *record = RobotObservation { id: robot.id.0, reserved: 0, x_m, y_m, theta_rad: pose.theta_rad };
+            *record = RobotObservation { id: robot.id.0, holding: 0, x_m, y_m, theta_rad: pose.theta_rad };
         }
     });
     let mut source = Observed::new(reader, &config.scenario, &config.source, T);
@@ -302,6 +304,12 @@ fn no_bit_of_a_command() {
         }
     });
     let mut robots = RemoteRobots::new(&config, config.scenario.clone(), Link::default(), NOW - T);
+    // Nothing moves before it has held a stop.
+    let stops: Vec<_> =
+        config.scenario.robots.iter().map(|r| RobotCommand::stop(r.id, StopReason::Start)).collect();
+    let first =
+        CommandHeader { epoch: EPOCH, valid_from_ns: NOW - T, valid_until_ns: NOW, ..Default::default() };
+    robots.hear(&first, &stops, NOW - T);
     let mut commands = Vec::new();
     let mut hear = |robots: &mut RemoteRobots, reader: &mut Reader<RobotCommand>| {
         while let Some(header) = reader.next_copy(&mut commands).unwrap() {
@@ -316,7 +324,11 @@ fn no_bit_of_a_command() {
         corrupt += 1;
         let (commanded, counts) = hear(&mut robots, &mut reader);
         assert_eq!((commanded, counts.corrupt), (0, corrupt), "bit {bit}");
-        assert_eq!((counts.accepted, counts.expired, counts.refused), (0, 0, 0), "bit {bit}");
+        assert_eq!(
+            (counts.accepted, counts.expired, counts.missed, counts.refused),
+            (8, 0, 0, 0),
+            "bit {bit}"
+        );
     }
     // In place as well as copied.
     corrupt += way.put_cut() + 1;
@@ -326,5 +338,5 @@ fn no_bit_of_a_command() {
     assert!(reader.newest().unwrap().is_none() && reader.corrupt() == corrupt + 1);
     way.put(|_| ());
     let (_, counts) = hear(&mut robots, &mut reader);
-    assert_eq!((counts.accepted, counts.corrupt), (8, corrupt + 1));
+    assert_eq!((counts.accepted, counts.corrupt), (16, corrupt + 1));
 }

@@ -29,7 +29,7 @@ impl Carousel {
             (start_m.perp(&goal_m).signum(), [start_m.norm(), goal_m.norm()])
         };
         Self {
-            plant: Plant::new(&config.scenario, config.timing.period_ns, start_ns),
+            plant: Plant::new(&config.scenario, config.timing.period_ns, start_ns).unreported(),
             legs: config.scenario.robots.iter().map(leg).collect(),
         }
     }
