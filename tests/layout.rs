@@ -9,8 +9,8 @@ use std::mem::{align_of, offset_of, size_of};
 use std::path::Path;
 
 use clearway::wire::{
-    AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, CheckpointHeader, CommandHeader, NO_ROBOT,
-    ObservationHeader, RobotCheckpoint, RobotCommand, RobotIntent, RobotObservation, RobotState,
+    AdminAnswer, AdminCode, AdminKind, AdminRequest, AdminRobot, CheckpointHeader, CommandHeader, Holding,
+    NO_ROBOT, ObservationHeader, RobotCheckpoint, RobotCommand, RobotIntent, RobotObservation, RobotState,
     RobotTelemetry, SolveStatus, StateHeader, StopReason, TelemetryHeader, admin_flags, checkpoint_flags,
     state_flags, telemetry_flags,
 };
@@ -262,8 +262,10 @@ fn codes() -> Vec<Numbers> {
         SolveStatus::Refused => "refused",
         SolveStatus::Failed => "failed",
     };
+    let holding = [("untold", Holding::Untold.code()), ("nothing", Holding::Nothing.code())];
     vec![
         ("StopReason", stops.collect()),
+        ("Holding", holding.map(|(name, code)| (name.to_owned(), code)).to_vec()),
         ("SolveStatus", solved.iter().map(|one| (name(one).to_owned(), *one as u32)).collect()),
         ("AdminKind", kinds.collect()),
         ("AdminCode", answers.collect()),

@@ -77,14 +77,21 @@ class Client:
         self._observations.append(publisher)
         return publisher
 
-    def observe(self, ids: ArrayLike, poses: ArrayLike, *, stamp_ns: int | None = None) -> None:
+    def observe(
+        self,
+        ids: ArrayLike,
+        poses: ArrayLike,
+        *,
+        stamp_ns: int | None = None,
+        holding: ArrayLike | None = None,
+    ) -> None:
         """Publishes poses: :meth:`ObservationPublisher.publish` of a publisher made at the first call.
 
         That one has room for as many robots as the first call names.
         """
         if self._observing is None:
             self._observing = self.observations(len(tuple(ids)))  # type: ignore[arg-type]
-        self._observing.publish(ids, poses, stamp_ns=stamp_ns)
+        self._observing.publish(ids, poses, stamp_ns=stamp_ns, holding=holding)
 
     def close(self) -> None:
         """Leaves the fleet. Samples that are held stay; whatever else came from here ends."""

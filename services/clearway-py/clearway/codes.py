@@ -10,8 +10,8 @@ class StateFlags(IntFlag):
     """Bits of ``RobotState.flags``."""
 
     VALID = 1 << 0
-    """The pose comes from an accepted observation. Without it the pose is the last good one and the robot
-    is told to stop."""
+    """The pose comes from an accepted observation. Without it the pose is the middle of the way that it was told
+    to drive since the last good one, and the robot is told to stop."""
     ARRIVED = 1 << 1
     """The robot is inside the tolerance of its goal."""
     FOREIGN = 1 << 2
@@ -22,6 +22,26 @@ class StateFlags(IntFlag):
     """The fleet is paused until it is resumed."""
     STOPPED = 1 << 5
     """The fleet is stopped, by an operator or by the daemon itself, until that is cleared."""
+    MAY_STAND = 1 << 6
+    """The robot follows its commands, or it has come to a stand somewhere on its way since it was last seen."""
+    OUT_OF_STEP = 1 << 7
+    """The robot missed a command, or was stopped by something else: it is told to stop until it is known to hold
+    that."""
+
+
+class Holding(IntEnum):
+    """Which command a robot follows: the codes of ``RobotObservation.holding``. :meth:`command` makes those of
+    commands."""
+
+    UNTOLD = 0
+    """Who looks does not know: the daemon takes the robot to get every command in time."""
+    NOTHING = 1
+    """None: the robot stands, because it missed one, was stopped by something else, or never had one."""
+
+    @classmethod
+    def command(cls, tick: int) -> int:
+        """The code of having followed every command up to the one of ``tick``."""
+        return (1 << 31) | (tick & ((1 << 31) - 1))
 
 
 class TelemetryFlags(IntFlag):
@@ -91,6 +111,9 @@ class StopReason(IntEnum):
     """There is no robot: a free place of the fleet."""
     CORRUPT = 13
     """The state that its command would have answered had changed in memory on its way."""
+    OUT_OF_STEP = 14
+    """The robot has told that it follows no commands: it missed one, or was stopped by something else. Once it
+    holds this stop it may follow the next."""
 
 
 class SolveStatus(IntEnum):

@@ -97,12 +97,16 @@ class RobotState(Record):
     goal_y_m: F64
     radius_m: F64
     uncertainty_m: F64
+    seen_x_m: F64
+    seen_y_m: F64
+    way_m: F64
     intent: RobotIntent
 
 
 @_laid_out
 class CommandHeader(Record):
-    """Head of a sample on ``command``: the commands act in [valid_from_ns, valid_until_ns)."""
+    """Head of a sample on ``command``: the commands act in [valid_from_ns, valid_until_ns), after those of
+    tick ``follows``."""
 
     epoch: U64
     tick: U64
@@ -110,6 +114,7 @@ class CommandHeader(Record):
     state_stamp_ns: U64
     valid_from_ns: U64
     valid_until_ns: U64
+    follows: U64
     records: U32
     checksum: U32
 
@@ -188,10 +193,10 @@ class ObservationHeader(Record):
 
 @_laid_out
 class RobotObservation(Record):
-    """One robot on ``observation``."""
+    """One robot on ``observation``; ``holding`` is a code of :class:`~clearway.Holding`."""
 
     id: U32
-    reserved: U32
+    holding: U32
     x_m: F64
     y_m: F64
     theta_rad: F64

@@ -32,12 +32,22 @@ class ObservationPublisher:
         self.sequence = 0
         """Number of the sample that went out last."""
 
-    def publish(self, ids: ArrayLike, poses: ArrayLike, *, stamp_ns: int | None = None) -> None:
+    def publish(
+        self,
+        ids: ArrayLike,
+        poses: ArrayLike,
+        *,
+        stamp_ns: int | None = None,
+        holding: ArrayLike | None = None,
+    ) -> None:
         """Publishes the poses of some robots.
 
         ``ids``: shape (n,). ``poses``: shape (n, 3), a row x_m, y_m, theta_rad for each id, world frame, any
         finite heading. ``stamp_ns``: when they were true, ``time.monotonic_ns()``; now, where it is left out.
-        n is at most the number of robots that the publisher was made for.
+        n is at most the number of robots that the publisher was made for. ``holding``: shape (n,), what each
+        robot's gate held at the stamp, :meth:`Gate.holding`, so that one that missed a command is noticed;
+        left out by who does not know, a localisation system: the daemon then takes the robots to get every
+        command in time.
 
         Raises ``ValueError`` for other shapes, :class:`~clearway.TransferError` when nothing went out.
         """
@@ -54,8 +64,12 @@ class ObservationPublisher:
                 f"{len(numbers)} robots and the publisher was made for {self._room}: "
                 "make it with client.observations(robots) for the most that there will be"
             )
+        codes = np.asarray(np.zeros(len(numbers), np.uint32) if holding is None else holding)
+        if codes.shape != numbers.shape:
+            raise ValueError(f"holding has shape {codes.shape} and ids {numbers.shape}: wanted are the same")
         records = np.zeros(len(numbers), RobotObservation.dtype())
         records["id"] = np.array([_robot_id(number) for number in numbers.tolist()], np.uint32)
+        records["holding"] = np.array([_holding(code) for code in codes.tolist()], np.uint32)
         records["x_m"], records["y_m"], records["theta_rad"] = rows.T
         if (newest := self._states.newest()) is not None:
             self.epoch = newest.header.epoch
@@ -85,3 +99,9 @@ def _robot_id(number: object) -> int:
     if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 2**32:
         raise ValueError(f"{number!r} is not the id of a robot")
     return number
+
+
+def _holding(code: object) -> int:
+    if isinstance(code, bool) or not isinstance(code, int) or not 0 <= code < 2**32:
+        raise ValueError(f"{code!r} says of no command whether a robot follows it: wanted is what a gate holds")
+    return code

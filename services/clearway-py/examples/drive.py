@@ -71,6 +71,10 @@ class Plant:
             if command is not None:
                 robot.gate.offer(header, command, time.monotonic_ns())
 
+    def holding(self, now_ns: int) -> list[int]:
+        """Which command everybody follows: the daemon then knows of a robot that missed one."""
+        return [robot.gate.holding(now_ns) for robot in self.robots]
+
     def advance(self, now_ns: int) -> np.ndarray:
         """Moves everybody up to a time; rows x_m, y_m, theta_rad."""
         for robot in self.robots:
@@ -101,7 +105,7 @@ def main() -> None:
             while (sample := client.commands.next()) is not None:
                 plant.obey(sample.header, sample.robots)
                 heard = time.monotonic()
-            client.observe(plant.ids, poses, stamp_ns=now_ns)
+            client.observe(plant.ids, poses, stamp_ns=now_ns, holding=plant.holding(now_ns))
             time.sleep(0.1e-9 * period_ns)
         for robot in plant.robots:
             print(f"robot {robot.gate.robot}: ({robot.pose[0]:.3f}, {robot.pose[1]:.3f}) m")

@@ -8,7 +8,7 @@ import signal
 import numpy as np
 
 import clearway
-from clearway import AdminFlags, StateFlags
+from clearway import AdminFlags, Holding, StateFlags
 
 from .world import PACKAGE, PATIENCE_S, WorldTestCase, until
 
@@ -86,11 +86,17 @@ class Driving(WorldTestCase):
         for ids, poses in wrong:
             with self.assertRaises(ValueError):
                 publisher.publish(ids, poses)
+        for holding in ([1], [[1, 1]], [1, -1], [1, 2**32], [1.0, 1.0], ["1", "1"]):
+            with self.assertRaises(ValueError):
+                publisher.publish([0, 1], np.zeros((2, 3)), holding=holding)
         self.assertEqual(publisher.sequence, 0)
         # Nothing was left borrowed.
         for _ in itertools.repeat(None, 20):
             publisher.publish(np.array([1, 0], np.uint32), [(5.0, 0.4, 0), (-5.0, -0.4, 0)])
         self.assertEqual(publisher.sequence, 20)
+        publisher.publish([1, 0], np.zeros((2, 3)), holding=[Holding.NOTHING, Holding.command(7)])
+        publisher.publish([1, 0], np.zeros((2, 3)), holding=np.array([0, 2**32 - 1], np.uint32))
+        self.assertEqual(publisher.sequence, 22)
 
     def test_a_daemon_with_its_own_plant_takes_no_observations(self):
         self.daemon()
