@@ -55,13 +55,15 @@ both_ways!(state_header_to, state_header_from, wire::StateHeader, proto::State,
     plain [epoch, tick, stamp_ns, release_ns, period_ns, records, checksum], number []);
 both_ways!(state_robot_to, state_robot_from, wire::RobotState, proto::RobotState,
     plain [id, flags],
-    number [x_m, y_m, theta_rad, v_mps, omega_radps, goal_x_m, goal_y_m, radius_m, uncertainty_m],
+    number [x_m, y_m, theta_rad, v_mps, omega_radps, goal_x_m, goal_y_m, radius_m, uncertainty_m,
+        seen_x_m, seen_y_m, way_m],
     nested [intent: intent_to, intent_from]);
 both_ways!(intent_to, intent_from, wire::RobotIntent, proto::Intent,
     plain [rank, valid],
     number [heading_rad, speed_mps, blocked_s, target_x_m, target_y_m, waypoint_x_m, waypoint_y_m]);
 both_ways!(command_header_to, command_header_from, wire::CommandHeader, proto::Command,
-    plain [epoch, tick, stamp_ns, state_stamp_ns, valid_from_ns, valid_until_ns, records, checksum], number []);
+    plain [epoch, tick, stamp_ns, state_stamp_ns, valid_from_ns, valid_until_ns, follows, records, checksum],
+    number []);
 both_ways!(command_robot_to, command_robot_from, wire::RobotCommand, proto::RobotCommand,
     plain [id, stop_reason], number [v_mps, omega_radps]);
 both_ways!(telemetry_header_to, telemetry_header_from, wire::TelemetryHeader, proto::Telemetry,

@@ -91,6 +91,8 @@ pub(super) fn expected(state: &RobotState, solved: RobotCommand, limits: &Limits
         stop(StopReason::Paused)
     } else if !state.has(state_flags::VALID) {
         stop(StopReason::NoState)
+    } else if state.has(state_flags::OUT_OF_STEP) {
+        stop(StopReason::OutOfStep)
     } else if solved.stop_reason != 0 {
         RobotCommand { v_mps: 0.0, omega_radps: 0.0, ..solved }
     } else if limits.admits(solved.command()) {
@@ -138,5 +140,24 @@ mod tests {
         let stopped = RobotCommand { stop_reason: 2, ..signed };
         assert_eq!(compare(&command, &stopped).unwrap().0, Field::StopReason);
         assert_eq!(compare(&command, &RobotCommand { id: 4, ..command }).unwrap().0, Field::Id);
+    }
+
+    #[test]
+    fn what_a_state_says_stops_a_robot_whatever_was_computed() {
+        let solved = RobotCommand::verified(RobotId(0), Command { v_mps: 1.5, omega_radps: 0.0 });
+        let sent =
+            |flags| expected(&RobotState { flags, ..RobotState::default() }, solved, &Limits::default());
+        assert_eq!(sent(state_flags::VALID | state_flags::MAY_STAND), solved);
+        // As in the loop, the first of these that applies.
+        let out = state_flags::VALID | state_flags::OUT_OF_STEP;
+        let cases = [
+            (out, StopReason::OutOfStep),
+            (state_flags::OUT_OF_STEP, StopReason::NoState),
+            (out | state_flags::PAUSED, StopReason::Paused),
+            (out | state_flags::PAUSED | state_flags::STOPPED, StopReason::Stopped),
+        ];
+        for (flags, reason) in cases {
+            assert_eq!(sent(flags), RobotCommand::stop(RobotId(0), reason), "{flags:#b}");
+        }
     }
 }

@@ -61,7 +61,10 @@ impl Robot {
     /// How it is doing, in at most ten columns.
     pub(crate) fn status(&self) -> &'static str {
         let flags = self.telemetry.map_or(0, |telemetry| telemetry.flags);
-        if let Some(reason) = self.stop_reason() {
+        if self.stop_code() == StopReason::OutOfStep as u32 {
+            // Its name has a letter more.
+            "lost step"
+        } else if let Some(reason) = self.stop_reason() {
             reason
         } else if self.is_foreign() {
             "foreign"

@@ -4,7 +4,7 @@ use clearway::attach::Status;
 use clearway::channel::{Attached, Member};
 use clearway::figures::LatencyHistogram;
 use clearway::geometry::Vec2;
-use clearway::model::Obstacle;
+use clearway::model::{Obstacle, RobotId};
 use clearway::wire::{
     AdminAnswer, CommandHeader, NO_ROBOT, RobotCommand, RobotState, RobotTelemetry, SolveStatus, StateHeader,
     StopReason, TelemetryHeader, admin_flags, state_flags, telemetry_flags,
@@ -78,6 +78,10 @@ fn period(model: &mut Model, epoch: u64, tick: u64, at_ns: u64, robots: &[RobotS
         .collect();
     let header = CommandHeader { epoch, tick: tick + 1, ..CommandHeader::default() };
     model.command(&header, &commands);
+    seen(model, epoch, tick, at_ns, robots);
+}
+
+fn seen(model: &mut Model, epoch: u64, tick: u64, at_ns: u64, robots: &[RobotState]) {
     let header = StateHeader {
         epoch,
         tick,
@@ -276,6 +280,22 @@ fn no_size_is_too_small_and_no_word_is_cut() {
     assert!(small.contains("state to command") && small.contains("q quit") && small.contains("no_state"));
     let large = drawn((200, 60), &model, &mut View::default(), PLAIN, now_ns);
     assert!(large.contains("clear m") && large.contains("robots 1-20 of 20"), "{large}");
+}
+
+#[test]
+fn every_reason_to_stop_has_room() {
+    let (mut model, now_ns) = watched(4);
+    for reason in StopReason::ALL {
+        let tick = 100 + u64::from(reason as u32);
+        let header = CommandHeader { epoch: 17, tick, ..CommandHeader::default() };
+        model.command(&header, &[0, 1, 2, 3].map(|id| RobotCommand::stop(RobotId(id), reason)));
+        seen(&mut model, 17, tick, now_ns, &fleet(4));
+        let screen = drawn((80, 24), &model, &mut View::default(), PLAIN, now_ns);
+        let shown = if reason == StopReason::OutOfStep { "lost step" } else { reason.name() };
+        assert!(screen.lines().any(|line| line.trim_end().ends_with(shown)), "{screen}");
+        let value = json::object(&model, now_ns, 1.0);
+        assert_eq!(value["robots"][0]["stop_reason"], reason.name());
+    }
 }
 
 #[test]
