@@ -47,7 +47,7 @@ impl External {
             while let Some(sample) = commands.next().unwrap() {
                 epoch = sample.header().epoch;
                 for (index, command) in sample.robots().iter().enumerate() {
-                    // The gate decides: a command that comes late acts for the rest of its period.
+                    // The gate decides: after a command that comes late the robot stands until it is told that this is known.
                     let _ = plant.command(index, sample.header(), command, now_ns);
                 }
             }
@@ -56,13 +56,12 @@ impl External {
                 sequence += 1;
                 let sent = observations.publish(|header, records| {
                     (header.epoch, header.sequence, header.stamp_ns) = (epoch, sequence, now_ns);
-                    for ((record, pose), spec) in
-                        records.iter_mut().zip(plant.poses()).zip(&config.scenario.robots)
-                    {
+                    let robots = plant.poses().zip(&config.scenario.robots).enumerate();
+                    for (record, (index, (pose, spec))) in records.iter_mut().zip(robots) {
                         let x_m = if mood == 2 && spec.id.0 == 0 { f64::NAN } else { pose.position_m.x };
                         *record = RobotObservation {
                             id: spec.id.0,
-                            holding: 0,
+                            holding: plant.holding(index).code(),
                             x_m,
                             y_m: pose.position_m.y,
                             theta_rad: pose.theta_rad,
@@ -155,8 +154,15 @@ fn silence_and_nonsense_stop_the_robots_they_concern() {
 }
 
 /// Two robots head-on, of which one falls silent after `last_heard`, and deaf unless it still `hears`: the
-/// smallest clearance of the true plant over continuous time.
-fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, hears: bool) -> f64 {
+/// smallest clearance of the true plant over continuous time. Until then they tell what they hold, if that
+/// is wanted.
+fn clearance_with_a_silent_robot(
+    world: &World,
+    silent: usize,
+    last_heard: u64,
+    hears: bool,
+    tells: bool,
+) -> f64 {
     const T: u64 = 80_000_000;
     const START: u64 = 1_000_000_000;
     let mut config = config(world, lanes(2, 12.0), T);
@@ -171,11 +177,25 @@ fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, 
     let mut observations: Writer<RobotObservation> = node.writer(2).unwrap();
     let mut source = Observed::new(node.reader().unwrap(), &config.scenario, &config.source, T);
     let mut plant = Plant::new(&config.scenario, T, START);
+    let header = |tick: u64, release_ns| CommandHeader {
+        epoch: 7,
+        tick,
+        stamp_ns: release_ns,
+        state_stamp_ns: release_ns,
+        valid_from_ns: START + tick * T,
+        valid_until_ns: START + (tick + 1) * T,
+        follows: tick.saturating_sub(1),
+        ..CommandHeader::default()
+    };
     let mut group = RobotGroup::new(&config, 0..2).unwrap();
     let mut figures = Accumulator::new(&config.scenario, config.timing.period_s());
     let (mut states, mut truth) = (initial_fleet(&config), initial_fleet(&config));
     let mut commands: Vec<RobotCommand> =
         truth.iter().map(|s| RobotCommand::stop(s.robot(), StopReason::Start)).collect();
+    source.commit(&header(0, START), &commands, START);
+    for (index, command) in commands.iter().enumerate() {
+        plant.command(index, &header(0, START), command, START).unwrap();
+    }
     for tick in 0..60_u64 {
         let release_ns = START + tick * T;
         plant.advance(release_ns);
@@ -188,9 +208,10 @@ fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, 
         figures.observe_period(tick, &truth);
         for (index, robot) in truth.iter().enumerate().filter(|(i, _)| *i != silent || tick <= last_heard) {
             let sent = observations.publish(|header, records| {
-                (header.sequence, header.stamp_ns) = (2 * tick + index as u64, release_ns);
+                (header.epoch, header.sequence, header.stamp_ns) = (7, 2 * tick + index as u64, release_ns);
                 let (x_m, y_m, theta_rad) = (robot.x_m, robot.y_m, robot.theta_rad);
-                records[0] = RobotObservation { id: robot.id, holding: 0, x_m, y_m, theta_rad };
+                let holding = if tells { plant.holding(index).code() } else { 0 };
+                records[0] = RobotObservation { id: robot.id, holding, x_m, y_m, theta_rad };
                 // The other record speaks for nobody.
                 records[1].id = u32::MAX;
             });
@@ -205,15 +226,7 @@ fn clearance_with_a_silent_robot(world: &World, silent: usize, last_heard: u64, 
         let mut next = commands.clone();
         group.solve(&states, Timing::LogicalExecutionTime, |index, decision| next[index] = decision.command);
         commands = next;
-        let header = CommandHeader {
-            epoch: 7,
-            tick: tick + 1,
-            stamp_ns: release_ns,
-            state_stamp_ns: release_ns,
-            valid_from_ns: release_ns + T,
-            valid_until_ns: release_ns + 2 * T,
-            ..CommandHeader::default()
-        };
+        let header = header(tick + 1, release_ns);
         source.commit(&header, &commands, release_ns);
         for (index, command) in commands.iter().enumerate() {
             if hears || index != silent || tick <= last_heard {
@@ -229,8 +242,8 @@ fn a_robot_that_falls_silent_on_its_way_is_never_run_into() {
     let world = World::new("headon");
     for silent in [0, 1] {
         for last_heard in 4..20 {
-            for hears in [true, false] {
-                let clearance_m = clearance_with_a_silent_robot(&world, silent, last_heard, hears);
+            for (hears, tells) in [(true, true), (false, true), (true, false), (false, false)] {
+                let clearance_m = clearance_with_a_silent_robot(&world, silent, last_heard, hears, tells);
                 assert!(clearance_m >= -1e-9, "{silent} silent after {last_heard}: {clearance_m} m");
             }
         }

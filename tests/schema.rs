@@ -28,7 +28,7 @@ struct Renamed {
 #[derive(Debug, Clone, Copy, Default, ZeroCopySend)]
 #[type_name("clearway.v1.RobotState")]
 struct Longer {
-    record: [u64; 19],
+    record: [u64; 22],
 }
 
 fn node(world: &World) -> Node<ipc::Service> {

@@ -30,10 +30,10 @@ fn names_sizes_and_alignments() {
     assert_eq!(layout::<StateHeader>(&sealed(5)), ("clearway.v1.StateHeader", 48, 8));
     assert_eq!(layout::<RobotIntent>(&[words(7), vec![4, 4]].concat()), ("clearway.v1.RobotIntent", 64, 8));
     assert_eq!(
-        layout::<RobotState>(&[ids_then(9), vec![size_of::<RobotIntent>()]].concat()),
-        ("clearway.v1.RobotState", 144, 8)
+        layout::<RobotState>(&[ids_then(12), vec![size_of::<RobotIntent>()]].concat()),
+        ("clearway.v1.RobotState", 168, 8)
     );
-    assert_eq!(layout::<CommandHeader>(&sealed(6)), ("clearway.v1.CommandHeader", 56, 8));
+    assert_eq!(layout::<CommandHeader>(&sealed(7)), ("clearway.v1.CommandHeader", 64, 8));
     assert_eq!(layout::<RobotCommand>(&ids_then(2)), ("clearway.v1.RobotCommand", 24, 8));
     assert_eq!(layout::<ObservationHeader>(&sealed(3)), ("clearway.v1.ObservationHeader", 32, 8));
     assert_eq!(layout::<RobotObservation>(&ids_then(3)), ("clearway.v1.RobotObservation", 32, 8));
@@ -56,18 +56,20 @@ fn names_sizes_and_alignments() {
 fn fields_that_every_reader_needs_stay_where_they_are() {
     assert_eq!(offset_of!(StateHeader, tick), 8);
     assert_eq!((offset_of!(StateHeader, records), offset_of!(StateHeader, checksum)), (40, 44));
-    assert_eq!((offset_of!(CommandHeader, records), offset_of!(CommandHeader, checksum)), (48, 52));
+    assert_eq!((offset_of!(CommandHeader, records), offset_of!(CommandHeader, checksum)), (56, 60));
     assert_eq!((offset_of!(ObservationHeader, records), offset_of!(ObservationHeader, checksum)), (24, 28));
     assert_eq!((offset_of!(TelemetryHeader, records), offset_of!(TelemetryHeader, checksum)), (112, 116));
     assert_eq!((offset_of!(CheckpointHeader, records), offset_of!(CheckpointHeader, checksum)), (32, 36));
     assert_eq!(offset_of!(RobotState, flags), 4);
     assert_eq!(offset_of!(RobotState, x_m), 8);
     assert_eq!(offset_of!(RobotState, v_mps), 32);
+    assert_eq!((offset_of!(RobotState, seen_x_m), offset_of!(RobotState, intent)), (80, 104));
     assert_eq!(offset_of!(CommandHeader, valid_from_ns), 32);
     assert_eq!(offset_of!(CommandHeader, valid_until_ns), 40);
+    assert_eq!(offset_of!(CommandHeader, follows), 48);
     assert_eq!(offset_of!(RobotCommand, stop_reason), 4);
     assert_eq!(offset_of!(RobotCommand, v_mps), 8);
-    assert_eq!(offset_of!(RobotObservation, theta_rad), 24);
+    assert_eq!((offset_of!(RobotObservation, holding), offset_of!(RobotObservation, theta_rad)), (4, 24));
     assert_eq!((offset_of!(AdminRequest, expires_ns), offset_of!(AdminRequest, kind)), (8, 32));
     assert_eq!((offset_of!(AdminRobot, goal_x_m), offset_of!(AdminRobot, start_x_m)), (8, 24));
     assert_eq!((offset_of!(AdminAnswer, acts_from_tick), offset_of!(AdminAnswer, code)), (24, 32));
@@ -92,10 +94,11 @@ fn codes_of_stop_reasons_are_fixed() {
         "stopped",
         "vacant",
         "corrupt",
+        "out_of_step",
     ];
     assert_eq!(codes, (1..).zip(expected).collect::<Vec<_>>());
     assert!(StopReason::ALL.iter().all(|reason| StopReason::from_code(*reason as u32) == Some(*reason)));
-    assert_eq!((StopReason::from_code(0), StopReason::from_code(14)), (None, None));
+    assert_eq!((StopReason::from_code(0), StopReason::from_code(15)), (None, None));
 }
 
 #[test]

@@ -13,8 +13,8 @@ use clearway::model::{Command, Limits, RobotId};
 use clearway::runtime::Rehearsal;
 use clearway::scenario::Scenario;
 use clearway::wire::{
-    AdminCode, AdminKind, AdminRequest, AdminRobot, CommandHeader, ObservationHeader, RobotCheckpoint,
-    RobotCommand, RobotIntent, RobotObservation, RobotState, state_flags,
+    AdminCode, AdminKind, AdminRequest, AdminRobot, CommandHeader, Holding, ObservationHeader,
+    RobotCheckpoint, RobotCommand, RobotIntent, RobotObservation, RobotState, StopReason, state_flags,
 };
 use proptest::prelude::*;
 
@@ -86,7 +86,7 @@ mod observation {
     fn at(state: &RobotState) -> RobotObservation {
         RobotObservation {
             id: state.id,
-            reserved: 0,
+            holding: 0,
             x_m: state.x_m,
             y_m: state.y_m,
             theta_rad: state.theta_rad,
@@ -164,9 +164,20 @@ mod observation {
         }
 
         #[test]
-        fn what_is_reserved_or_checked_by_the_channel_has_no_effect(reserved in any::<u32>(), records in any::<u32>(), checksum in any::<u32>()) {
-            let header = ObservationHeader { records, checksum, ..next() };
-            judged(&after(header, RobotObservation { reserved, ..here() }).0, None);
+        fn what_is_checked_by_the_channel_has_no_effect(records in any::<u32>(), checksum in any::<u32>()) {
+            judged(&after(ObservationHeader { records, checksum, ..next() }, here()).0, None);
+        }
+
+        #[test]
+        fn what_a_robot_holds_is_kept_with_its_pose_and_is_nothing_of_ours_from_who_follows_no_run(
+            holding in half(), follows_none in any::<bool>(),
+        ) {
+            let header = ObservationHeader { epoch: if follows_none { 0 } else { EPOCH }, ..next() };
+            let (admission, start) = after(header, RobotObservation { holding, ..here() });
+            judged(&admission, None);
+            let told = if follows_none && holding != 0 { Holding::Nothing.code() } else { holding };
+            prop_assert_eq!(admission.holding(0), told);
+            prop_assert_eq!(admission.pose(0, NOW).unwrap().0, start.pose());
         }
 
         #[test]
@@ -221,6 +232,7 @@ mod command {
         state_stamp_ns: NOW - 1,
         valid_from_ns: NOW + 10,
         valid_until_ns: NOW + 10 + T,
+        follows: 5,
         records: 1,
         checksum: 0,
     };
@@ -234,8 +246,12 @@ mod command {
             state_stamp_ns: NOW - T,
             valid_from_ns: NOW - T,
             valid_until_ns: NOW,
+            follows: 4,
             ..SOUND
         };
+        let stop = CommandHeader { tick: 4, stamp_ns: NOW - 2 * T, valid_from_ns: NOW - 2 * T, ..before };
+        let start = RobotCommand::stop(RobotId(3), StopReason::Start);
+        gate.offer(&CommandHeader { valid_until_ns: NOW - T, ..stop }, &start, NOW - 2 * T).unwrap();
         gate.offer(&before, &go(2.0, 0.0), NOW - T).unwrap();
         let said = gate.offer(&header, &record, NOW - 1);
         assert_eq!(gate.refused(), u64::from(said.is_err()));
@@ -290,8 +306,35 @@ mod command {
             } else {
                 (epoch == EPOCH && tick <= 5).then_some(Refusal::OldTick)
             };
-            let (said, inputs) = offered(CommandHeader { epoch, tick, ..SOUND }, go(1.0, 0.5));
+            let header = CommandHeader { epoch, tick, ..SOUND };
+            let (said, inputs) = offered(header, go(0.0, 0.0));
             judged(said, inputs, refused);
+            // Nobody moves by the first command of a run.
+            let (said, inputs) = offered(header, go(1.0, 0.5));
+            judged(said, inputs, refused.or((epoch > EPOCH).then_some(Refusal::OutOfStep)));
+        }
+
+        #[test]
+        fn who_moves_holds_the_command_before_or_it_is_refused(follows in word(5)) {
+            let header = CommandHeader { follows, ..SOUND };
+            let (said, inputs) = offered(header, go(1.0, 0.5));
+            judged(said, inputs, (follows != 5).then_some(Refusal::OutOfStep));
+            // A stop is taken whatever was missed.
+            let (said, inputs) = offered(header, go(0.0, 0.0));
+            judged(said, inputs, None);
+        }
+
+        #[test]
+        fn who_moves_was_told_before_the_time_or_it_is_refused(early_ns in 0..2 * T) {
+            // Received at NOW - 1.
+            let from = NOW - 1 + T - early_ns;
+            let header = CommandHeader {
+                stamp_ns: from.min(NOW - 1), state_stamp_ns: NOW - T, valid_from_ns: from, valid_until_ns: from + T, ..SOUND
+            };
+            let (said, inputs) = offered(header, go(1.0, 0.5));
+            judged(said, inputs, (early_ns > T).then_some(Refusal::Late));
+            let (said, inputs) = offered(header, go(0.0, 0.0));
+            judged(said, inputs, None);
         }
 
         #[test]
@@ -472,11 +515,12 @@ mod state {
             });
         let body =
             (half(), half(), [number(), number(), number()], [number(), number()], [number(), number()]);
-        (body, number(), number(), intent).prop_map(
+        let doubt = [number(), number(), number(), number()];
+        (body, number(), doubt, intent).prop_map(
             |(
                 (id, flags, [x_m, y_m, theta_rad], [v_mps, omega_radps], [gx, gy]),
                 radius_m,
-                uncertainty_m,
+                [uncertainty_m, seen_x_m, seen_y_m, way_m],
                 intent,
             )| {
                 RobotState {
@@ -491,6 +535,9 @@ mod state {
                     goal_y_m: gy,
                     radius_m,
                     uncertainty_m,
+                    seen_x_m,
+                    seen_y_m,
+                    way_m,
                     intent,
                 }
             },
@@ -518,6 +565,8 @@ mod state {
             14 => (a.target_x_m, a.target_y_m) = (b.target_x_m, b.target_y_m),
             15 => (a.waypoint_x_m, a.waypoint_y_m) = (b.waypoint_x_m, b.waypoint_y_m),
             16 => (a.rank, a.valid) = (b.rank, b.valid),
+            17 => (into.seen_x_m, into.seen_y_m) = (from.seen_x_m, from.seen_y_m),
+            18 => into.way_m = from.way_m,
             _ => *into = *from,
         }
     }
@@ -538,6 +587,8 @@ mod state {
             let mut seen = fleet.clone();
             if period > 0 {
                 blend(&mut seen[robot], record, field);
+                // Of a way on which it may stand, it is read only then.
+                seen[robot].flags |= if matches!(field, 17 | 18) { state_flags::MAY_STAND } else { 0 };
             }
             let mut next = fleet.clone();
             group.solve(&seen, Timing::LogicalExecutionTime, |index, decision| {
@@ -545,7 +596,8 @@ mod state {
                 let stop = command.stop_reason != 0 && command.command() == Command::STOP;
                 let drive = command.stop_reason == 0 && config.scenario.limits.admits(command.command());
                 assert!(stop || drive, "robot {index}: {command:?}");
-                let driven = seen[index].has(state_flags::VALID) && !seen[index].is_held();
+                let stands = seen[index].is_held() || seen[index].has(state_flags::OUT_OF_STEP);
+                let driven = seen[index].has(state_flags::VALID) && !stands;
                 assert!(stop || driven, "robot {index}: {command:?}");
                 next[index].set_command(command.command());
                 next[index].intent = decision.intent;
@@ -563,7 +615,7 @@ mod state {
         /// neither panic nor command what may not be commanded.
         #[test]
         fn whatever_a_state_says_nobody_panics_and_no_command_is_beyond_the_limits(
-            record in record(), field in 0..20_usize, robot in 0..8_usize,
+            record in record(), field in 0..22_usize, robot in 0..8_usize,
         ) {
             drives(&record, field, robot, None);
         }

@@ -25,23 +25,20 @@ fn sample(bytes: &mut Bytes, now_ns: u64, sequence: u64) -> (u128, ObservationHe
     let count = usize::from(bytes.u8()) % 10;
     let records = (0..count).map(|_| {
         let id = if shape & 16 == 0 { u32::from(bytes.u8() % 10) } else { bytes.u32() };
+        let holding = if shape & 64 == 0 { 0 } else { bytes.u32() };
         let start = SCENARIO.robots.iter().find(|robot| robot.id.0 == id).map(|robot| robot.start);
         match start.filter(|_| shape & 32 == 0) {
             // Near where it stands.
             Some(start) => RobotObservation {
                 id,
+                holding,
                 x_m: start.position_m.x + f64::from(bytes.u8()) / 256.0,
                 y_m: start.position_m.y,
                 theta_rad: f64::from(bytes.u8()),
-                ..RobotObservation::default()
             },
-            None => RobotObservation {
-                id,
-                x_m: bytes.f64(),
-                y_m: bytes.f64(),
-                theta_rad: bytes.f64(),
-                ..RobotObservation::default()
-            },
+            None => {
+                RobotObservation { id, holding, x_m: bytes.f64(), y_m: bytes.f64(), theta_rad: bytes.f64() }
+            }
         }
     });
     (writer, header, records.collect())
@@ -68,6 +65,9 @@ pub fn observation(data: &[u8]) {
         assert!(sum <= offered, "{sum} refused of {offered}");
         for (index, last) in believed.iter_mut().enumerate() {
             let good = admission.last_good(index);
+            assert!(good.is_some() || admission.holding(index) == 0, "held by who was never believed");
+            // Who follows no run holds no command of ours.
+            assert!(header.epoch != 0 || good == *last || admission.holding(index) <= 1, "{header:?}");
             assert_eq!(admission.last_pose(index), Some(good.map_or(SCENARIO.robots[index].start, |g| g.0)));
             if let Some((pose, stamp_ns)) = admission.pose(index, now_ns) {
                 assert_eq!(good, Some((pose, stamp_ns)));
