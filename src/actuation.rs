@@ -58,7 +58,8 @@ pub struct Gate {
     /// The newest command that was taken in an unbroken sequence, and when that began, ns.
     followed: Option<(u64, u64)>,
     current: Held,
-    pending: Held,
+    /// Those that wait for their time, the earlier one first.
+    waiting: [Held; 2],
     refused: u64,
 }
 
@@ -91,7 +92,7 @@ impl Gate {
             tick: None,
             followed: None,
             current: Held::NOTHING,
-            pending: Held::NOTHING,
+            waiting: [Held::NOTHING; 2],
             refused: 0,
         }
     }
@@ -186,19 +187,37 @@ impl Gate {
             _ => None,
         };
         if header.epoch > self.epoch {
-            (self.current, self.pending) = (Held::NOTHING, Held::NOTHING);
+            self.drop_all();
         }
         self.promote(now_ns);
         (self.epoch, self.tick) = (header.epoch, Some(header.tick));
-        let command = command.command();
-        self.pending = Held { command, from_ns: header.valid_from_ns, until_ns: header.valid_until_ns };
+        let (from_ns, until_ns) = (header.valid_from_ns, header.valid_until_ns);
+        self.wait(Held { command: command.command(), from_ns, until_ns });
     }
 
-    /// The newest command whose time has come replaces the one before it.
+    /// Lets a command wait for its time behind those that are to act before.
+    fn wait(&mut self, held: Held) {
+        let before = |other: &Held| other.until_ns > 0 && other.from_ns < held.from_ns;
+        match self.waiting.map(|other| before(&other)) {
+            [false, _] => self.waiting = [held, Held::NOTHING],
+            [true, false] => self.waiting[1] = held,
+            // What moves is never announced so early: a stop. To drop one that waits for its time would lead
+            // the robot elsewhere than is known, so that it stands at once and tells.
+            [true, true] => {
+                self.drop_all();
+                (self.waiting[0], self.followed) = (held, None);
+            }
+        }
+    }
+
+    fn drop_all(&mut self) {
+        (self.current, self.waiting) = (Held::NOTHING, [Held::NOTHING; 2]);
+    }
+
+    /// Commands whose time has come replace the ones before them.
     fn promote(&mut self, now_ns: u64) {
-        if self.pending.until_ns > 0 && self.pending.from_ns <= now_ns {
-            self.current = self.pending;
-            self.pending = Held::NOTHING;
+        while self.waiting[0].until_ns > 0 && self.waiting[0].from_ns <= now_ns {
+            (self.current, self.waiting) = (self.waiting[0], [self.waiting[1], Held::NOTHING]);
         }
     }
 
@@ -224,15 +243,19 @@ impl Gate {
     /// It is where no command has led it, so it follows none until the daemon has said in a stop that it
     /// knows.
     pub fn halt(&mut self) {
-        (self.current, self.pending, self.followed) = (Held::NOTHING, Held::NOTHING, None);
+        self.drop_all();
+        self.followed = None;
     }
 
     /// Which command the robot follows now, at `now_ns`: what its driver tells the daemon with where the robot is.
     ///
     /// A command that it has taken and that waits for its time counts; a stop with which it begins anew
     /// counts from when it acts.
+    /// Times must not run backwards from call to call, of this and of the others. The daemon is not told what
+    /// robots hold that follow whatever comes ([`unreported`](Self::unreported)).
     pub fn holding(&self, now_ns: u64) -> Holding {
         match self.followed {
+            _ if self.unreported => Holding::Untold,
             Some((tick, since_ns)) if since_ns <= now_ns => Holding::Command { tick },
             _ => Holding::Nothing,
         }
@@ -240,8 +263,8 @@ impl Gate {
 
     /// The next instant after `now_ns` at which [`Gate::input`] can change without a new command.
     pub fn next_change_ns(&self, now_ns: u64) -> Option<u64> {
-        let times = [self.current.until_ns, self.pending.from_ns, self.pending.until_ns];
-        times.into_iter().filter(|&t| t > now_ns).min()
+        let waiting = self.waiting.iter().flat_map(|held| [held.from_ns, held.until_ns]);
+        waiting.chain([self.current.until_ns]).filter(|&t| t > now_ns).min()
     }
 
     /// Commands refused so far.
@@ -382,8 +405,42 @@ mod tests {
         let stop = RobotCommand::stop(RobotId(3), StopReason::Start);
         let early = CommandHeader { valid_from_ns: 50_000, valid_until_ns: 50_100, ..header(1, 6) };
         g.offer(&early, &stop, 430).unwrap();
-        // What acts until then is not what was replaced while it waited.
-        assert_eq!((g.input(510), g.input(50_050)), (Command::STOP, Command::STOP));
+        // What acts until then is what waited for it.
+        assert_eq!((g.input(510).v_mps, g.input(50_050)), (2.0, Command::STOP));
+    }
+
+    /// A driver reads its clock and is held up before it looks at what has come.
+    #[test]
+    fn a_command_that_comes_while_the_one_before_still_waits_does_not_take_its_place() {
+        for stop in [false, true] {
+            let mut g = gate();
+            g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+            let next = if stop { RobotCommand::stop(RobotId(3), StopReason::Deadline) } else { go(2.0) };
+            g.offer(&header(1, 6), &next, 499).unwrap();
+            assert_eq!(g.next_change_ns(499), Some(500));
+            let driven = [510, 599, 600, 699].map(|now_ns| g.input(now_ns).v_mps);
+            assert_eq!(driven, [1.0, 1.0, next.v_mps, next.v_mps]);
+            assert_eq!(g.holding(699), Holding::Command { tick: 6 });
+        }
+    }
+
+    #[test]
+    fn of_three_that_wait_none_is_dropped_while_the_robot_drives_on() {
+        let mut g = gate();
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        g.offer(&header(1, 6), &go(1.0), 420).unwrap();
+        let stop = RobotCommand::stop(RobotId(3), StopReason::Finished);
+        g.offer(&header(1, 9), &stop, 430).unwrap();
+        assert_eq!(
+            (g.input(550), g.input(650), g.holding(650)),
+            (Command::STOP, Command::STOP, Holding::Nothing)
+        );
+        // One that acts before what waits takes its place.
+        let mut g = gate();
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        let now = CommandHeader { valid_from_ns: 450, ..header(1, 6) };
+        g.offer(&now, &stop, 450).unwrap();
+        assert_eq!((g.input(460), g.input(550)), (Command::STOP, Command::STOP));
     }
 
     proptest! {

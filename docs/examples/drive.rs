@@ -41,7 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let seen: Vec<_> =
             robots.map(|(index, (robot, pose))| (robot.id, pose, plant.holding(index))).collect();
         observations.report(now_ns, &seen)?;
-        std::thread::sleep(Duration::from_nanos(period_ns / 10));
+        // Often enough for commands that come out only at the deadline: late ones are missed.
+        std::thread::sleep(Duration::from_nanos(period_ns / 10).min(Duration::from_millis(1)));
     }
     for (robot, pose) in scenario.robots.iter().zip(plant.poses()) {
         let left_m = (robot.goal_m - pose.position_m).norm();

@@ -155,6 +155,12 @@ impl Margin {
         self.bounds.delay_s + LAGS_TO_REST * self.bounds.lag_s
     }
 
+    /// How far travelling `way_m` within `elapsed_s` may lead from where the commands lead, m: by directions that
+    /// are not the commands', and by slip.
+    pub fn stray_m(&self, way_m: f64, elapsed_s: f64) -> f64 {
+        way_m * (self.spread() + self.bounds.turn_rate_radps * elapsed_s)
+    }
+
     /// What carrying a lost robot over `silent_s` may add to the error of its position, m.
     ///
     /// It is carried from its last good pose along the commands since. What earlier ones had still to
@@ -162,7 +168,7 @@ impl Margin {
     pub fn lost_m(&self, silent_s: f64) -> f64 {
         let pending_m = self.speed_mps * self.bounds.late_s();
         let driven_m = self.speed_mps * silent_s + pending_m;
-        pending_m + driven_m * (self.spread() + self.bounds.turn_rate_radps * silent_s)
+        pending_m + self.stray_m(driven_m, silent_s)
     }
 
     /// The bounds.

@@ -231,8 +231,10 @@ impl Law {
 
     /// How far a robot that stands on its way may be from what is taken to be that way, m.
     fn stray_m(&self, robot: &RobotState) -> f64 {
-        let reach = self.reach(robot);
-        self.lost_m + reach.lead_m + reach.extent_m()
+        self.margin.map_or(0.0, |margin| {
+            let reach = self.reach(robot);
+            reach.lead_m + reach.extent_m() + margin.stray_m(self.way_m(robot), self.max_age_s + self.ahead_s)
+        })
     }
 
     /// How far a robot of this radius looks for a stranger, m: to where its row can bind.
@@ -255,7 +257,9 @@ impl Law {
         let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
         let robots_m = self.rows_m(required + self.unknown_m, 0.5);
         let ways_m = self.longest_way_m.map_or(0.0, |way_m| {
-            let stray_m = self.lost_m + self.margin.map_or(0.0, |margin| margin.extent_max_m());
+            let stray_m = self.margin.map_or(0.0, |margin| {
+                2.0 * margin.extent_max_m() + margin.stray_m(way_m, self.max_age_s + self.ahead_s)
+            });
             // As far as its end may be from its nearest point, and its bow.
             self.rows_m(required + stray_m + 1.5 * way_m, 1.0)
         });

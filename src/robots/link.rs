@@ -5,6 +5,9 @@ use crate::geometry::Pose;
 use crate::model::RobotId;
 use crate::wire::Holding;
 
+/// A robot, where it was seen, and what it held then.
+pub type Sighting = (RobotId, Pose, Holding);
+
 /// How observations travel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Link {
@@ -20,7 +23,7 @@ pub struct Link {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outgoing {
     /// Poses, what the robots held, and when that was seen, ns.
-    Sample(u64, Vec<(RobotId, Pose, Holding)>),
+    Sample(u64, Vec<Sighting>),
     /// A sample that was lost.
     Lost,
 }
@@ -31,7 +34,7 @@ pub(super) struct Queue {
     link: Link,
     sender: u32,
     number: u64,
-    waiting: VecDeque<(u64, Vec<(RobotId, Pose, Holding)>)>,
+    waiting: VecDeque<(u64, Vec<Sighting>)>,
 }
 
 impl Queue {
@@ -39,7 +42,7 @@ impl Queue {
         Self { link, sender, number: 0, waiting: VecDeque::new() }
     }
 
-    pub(super) fn push(&mut self, stamp_ns: u64, poses: Vec<(RobotId, Pose, Holding)>) {
+    pub(super) fn push(&mut self, stamp_ns: u64, poses: Vec<Sighting>) {
         self.waiting.push_back((stamp_ns, poses));
     }
 

@@ -10,7 +10,7 @@ mod link;
 mod record;
 mod remote;
 
-pub use link::{Link, Outgoing};
+pub use link::{Link, Outgoing, Sighting};
 pub use record::{MotionRecord, motions};
 pub use remote::{Commands, RemoteRobots, Report, RobotReport};
 

@@ -59,8 +59,7 @@ impl Room {
         let known_m = new_m + driven_m + reach(other.uncertainty_m, other.command());
         if other.has(state_flags::VALID) {
             // It may have come to a stand on the way that it is taken to have gone.
-            let behind_m =
-                if other.has(state_flags::MAY_STAND) { other.way_m.max(0.0) + self.lost_m } else { 0.0 };
+            let behind_m = if other.has(state_flags::MAY_STAND) { 2.0 * other.way_m.max(0.0) } else { 0.0 };
             return known_m + behind_m;
         }
         let spread = self.margin.map_or(0.0, |margin| margin.spread());

@@ -64,7 +64,10 @@ impl Holding {
         match self {
             Self::Untold => 0,
             Self::Nothing => Self::NOTHING,
-            Self::Command { tick } => Self::COMMAND | (tick & u64::from(Self::COMMAND - 1)) as u32,
+            Self::Command { tick } => {
+                let [a, b, c, d, ..] = tick.to_le_bytes();
+                Self::COMMAND | u32::from_le_bytes([a, b, c, d])
+            }
         }
     }
 }

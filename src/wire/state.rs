@@ -78,12 +78,12 @@ pub struct RobotState {
     /// or delay. For one that is not VALID also how far from its pose it may be: half of the way that it
     /// was told to drive since it was last seen; the pose is the middle of that way.
     pub uncertainty_m: f64,
-    /// Where it was last seen, m: the beginning of the way on which it may stand. Says nothing without
-    /// MAY_STAND.
+    /// Where it was last seen, m: the beginning of the way on which it may stand. Of one that is OUT_OF_STEP the
+    /// end, where its commands would have led it. Says nothing without MAY_STAND.
     pub seen_x_m: f64,
     /// Where it was last seen, m.
     pub seen_y_m: f64,
-    /// Length of the way that its commands have led it from there to its pose, m.
+    /// Length of that way, between there and its pose, m; below 0 where it was seen only after `t_k`.
     pub way_m: f64,
     /// What the robot meant to do when it chose its command.
     pub intent: RobotIntent,

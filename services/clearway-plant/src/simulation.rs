@@ -151,7 +151,9 @@ impl<'a> Simulation<'a> {
     fn drive(&mut self, ports: &mut Ports, stop: &Stop, display: &mut Display) -> Result<(), Failure> {
         let clock = MonotonicClock;
         let period_ns = self.config.timing.period_ns;
-        let look_ns = (period_ns / LOOKS_PER_PERIOD).clamp(100_000, 5_000_000);
+        // A command may be published as late as the deadline, and is missed once its time has begun.
+        let margin_ns = self.config.timing.margin_ns() / 2;
+        let look_ns = (period_ns / LOOKS_PER_PERIOD).min(margin_ns).clamp(50_000, 5_000_000);
         let every_ns =
             u64::try_from(self.arguments.observe_every(&self.config).as_nanos()).unwrap_or(u64::MAX);
         let mut observe_ns = clock.now_ns();
