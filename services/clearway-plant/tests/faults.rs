@@ -91,13 +91,20 @@ fn others_keep_clear_of_a_robot_whose_process_is_killed() {
     let rest = plant(&world, "rest", &["--robots", "0,1,2,3,4,5,6"]);
     let lost = plant(&world, "lost", &["--robots", "7"]);
     until_driven(&world, "lost", 7, 1.5);
+    // Before it was seen for the first time there was no state of it either.
+    listener.until(|_, robots| robots.iter().any(|c| c.id == 7 && c.stop_reason == 0));
     lost.kill();
     let no_state = StopReason::NoState as u32;
-    listener.until(|_, robots| robots.iter().any(|c| c.id == 7 && c.stop_reason == no_state));
+    let mut lost_at = None;
+    listener.until(|header, robots| {
+        let is_lost = robots.iter().any(|c| c.id == 7 && c.stop_reason == no_state);
+        lost_at = is_lost.then_some(header.tick);
+        is_lost
+    });
+    let lost_at = lost_at.unwrap();
     // The others go on, around it.
-    let lost_at = listener.listen().unwrap().0.tick;
     listener.until(|header, _| header.tick > lost_at + 60);
-    let after = listener.heard.iter().skip_while(|(_, r)| r.iter().all(|c| c.stop_reason != no_state));
+    let after = listener.heard.iter().filter(|(header, _)| header.tick >= lost_at);
     assert!(after.flat_map(|(_, r)| r).filter(|c| c.id == 7).all(|c| c.stop_reason == no_state));
     rest.signal(Signal::INT);
     rest.succeed();

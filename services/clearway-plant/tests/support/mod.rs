@@ -114,7 +114,7 @@ impl Listener {
     }
 
     /// Listens until `found` likes the newest sample.
-    pub fn until(&mut self, found: impl Fn(&CommandHeader, &[RobotCommand]) -> bool) {
+    pub fn until(&mut self, mut found: impl FnMut(&CommandHeader, &[RobotCommand]) -> bool) {
         until(|| self.listen().filter(|(header, robots)| found(header, robots)).map(|_| ()));
     }
 
