@@ -1,7 +1,7 @@
 //! The last check before a command goes out: the exact motion against the bodies, not the programme.
 //!
 //! Who is near, how far beyond the required distance, and which share of that gap is ours: that it takes
-//! from the rows' [`bodies`], and a mistake there it would share. Those are looked for from outside, by the
+//! from the rows' [bodies](super::rows::bodies), and a mistake there it would share. Those are looked for from outside, by the
 //! theorem's tests over continuous time and by the simulator, each with a geometry of its own. What it
 //! does not take over is what the rows make of them. They were computed from closed forms of the approach,
 //! and the command is what a solver made of the rows; here the arc itself is held against the line that it
@@ -9,47 +9,42 @@
 //! that holds all that the command may still do.
 
 use super::Law;
-use super::rows::{Body, approach_at, bodies};
+use super::rows::{Body, approach_at, is_out_of_reach};
 use crate::certificate::barrier::budget_m;
 use crate::certificate::robust::CONTACT_M;
-use crate::geometry::{Arc, Vec2, bearing, min_distance_arc_segment, unit};
+use crate::geometry::{Arc, Pose, Vec2, bearing, min_distance_arc_segment, unit};
 use crate::model::Command;
-use crate::neighbours::Nearby;
-use crate::wire::RobotState;
 
 /// Rounding that the check forgives, m.
 const ROUNDING_M: f64 = 1e-11;
 
 /// Largest |v| of `command`'s sign that keeps its share of every gap at its turn rate, m/s.
-pub(super) fn speed_limit_mps(
-    law: &Law,
-    fleet: &[RobotState],
-    me: usize,
-    near: &[Nearby],
-    command: Command,
-) -> f64 {
-    let theta_rad = fleet[me].theta_rad;
+pub(super) fn speed_limit_mps(law: &Law, theta_rad: f64, bodies: &[Body], command: Command) -> f64 {
+    let ahead = unit(theta_rad);
     let mut limit = law.limits.speed_mps();
-    for body in bodies(law, fleet, me, near, law.control.gamma) {
-        let approach = approach_at(law, theta_rad, command.omega_radps, &body);
+    for body in bodies {
+        let budget_m = budget_m(body.gap_m, law.control.gamma, body.share);
+        if is_out_of_reach(law, ahead, command.omega_radps.abs(), body, budget_m) {
+            continue;
+        }
+        let approach = approach_at(law, theta_rad, command.omega_radps, body);
         let rate = if command.v_mps < 0.0 { approach.backward } else { approach.forward };
         if rate > 0.0 {
-            limit = limit.min(budget_m(body.gap_m, law.control.gamma, body.share) / rate);
+            limit = limit.min(budget_m / rate);
         }
     }
     limit
 }
 
-/// Whether `command` is admissible and keeps its share of every gap at every instant of the period.
-pub(super) fn is_safe(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby], command: Command) -> bool {
-    let start = fleet[me].pose();
+/// Whether `command` from `start` on is admissible and keeps its share of every gap at every instant of the period.
+pub(super) fn is_safe(law: &Law, start: Pose, bodies: &[Body], command: Command) -> bool {
     let arc = Arc { start, v_mps: command.v_mps, omega_radps: command.omega_radps };
     law.limits.admits(command)
-        && bodies(law, fleet, me, near, law.control.gamma).all(|body| {
+        && bodies.iter().all(|body| {
             let budget_m = budget_m(body.gap_m, law.control.gamma, body.share);
             match &law.margin {
-                None => keeps_clear(&arc, &body, budget_m, law.period_s),
-                Some(margin) => keeps_clear_disturbed(&arc, &body, budget_m, law.period_s, margin.spread()),
+                None => keeps_clear(&arc, body, budget_m, law.period_s),
+                Some(margin) => keeps_clear_disturbed(&arc, body, budget_m, law.period_s, margin.spread()),
             }
         })
 }
@@ -104,11 +99,25 @@ mod tests {
     use crate::certificate::robust::Margin;
     use crate::config::Config;
     use crate::controller::Timing;
-    use crate::geometry::{Pose, wrap};
+    use crate::controller::rows::bodies;
+    use crate::geometry::wrap;
     use crate::model::{Disturbance, Limits};
+    use crate::neighbours::Nearby;
     use crate::scenario::Scenario;
-    use crate::wire::state_flags;
+    use crate::wire::{RobotState, state_flags};
     use proptest::prelude::*;
+
+    fn around(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> Vec<Body> {
+        bodies(law, fleet, me, near, law.control.gamma).collect()
+    }
+
+    fn is_safe(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby], command: Command) -> bool {
+        super::is_safe(law, fleet[me].pose(), &around(law, fleet, me, near), command)
+    }
+
+    fn speed_limit_mps(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby], command: Command) -> f64 {
+        super::speed_limit_mps(law, fleet[me].theta_rad, &around(law, fleet, me, near), command)
+    }
 
     proptest! {
         /// At whatever states, overlapping, unseen and foreign ones included, turning on the spot passes;

@@ -88,6 +88,10 @@ pub enum ControllerError {
     },
 }
 
+/// Other robots, and the ways on which they may stand, that one robot looks at for rows; more than any crowd has
+/// within their reach, and with more the robot stops.
+const BODIES_MAX: usize = 512;
+
 /// Rows of each kind that one robot's programme can have: each body one for each direction of travel.
 pub fn rows_max(control: &ControllerConfig) -> usize {
     2 * control.max_neighbours
@@ -294,6 +298,8 @@ struct Workspace {
     /// Those of them that the guidance is shown.
     neighbours: [Neighbour; guidance::NEIGHBOURS_MAX],
     predictions: Predictions,
+    /// Those whose rows can bind, and obstacles.
+    bodies: Vec<rows::Body>,
     programme: Programme,
     solution: Solution,
     solver: AnySolver,
@@ -375,6 +381,7 @@ impl RobotGroup {
                 near: Neighbourhood::with_capacity(robots),
                 neighbours: [Neighbour::default(); guidance::NEIGHBOURS_MAX],
                 predictions: Predictions::for_robots(robots),
+                bodies: Vec::with_capacity(BODIES_MAX + scenario.obstacles.len()),
                 programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),
                 solution: Solution::with_capacity(rows),
                 solver,

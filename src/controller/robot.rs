@@ -285,7 +285,14 @@ impl RobotController {
         let aim = self.aim(law, fleet, near, (&mut work.neighbours, &mut work.predictions));
         Self::note(law, &aim, telemetry);
 
-        let bodies = rows::binding(law, near, sight.all_m);
+        let binding = rows::binding(law, near, sight.all_m);
+        let bodies = match law.control.profile {
+            Profile::Paper => &[],
+            Profile::Certified | Profile::Exponential => {
+                let found = rows::gather(law, fleet, self.index, binding, &mut work.bodies);
+                found.ok_or(StopReason::Crowded)?
+            }
+        };
         let programme = &mut work.programme;
         programme.clear_rows();
         programme.omega_radps = Interval { min: law.limits.omega_min_radps, max: law.limits.omega_max_radps };
@@ -302,7 +309,7 @@ impl RobotController {
                 BarrierForm::Exact => optimal_turn_rate(programme),
                 BarrierForm::Linear => 0.0,
             };
-            if !rows::fill(law, fleet, self.index, bodies, omega, programme) {
+            if !rows::fill(law, own.theta_rad, bodies, omega, programme) {
                 return Err(StopReason::Crowded);
             }
         }
@@ -332,9 +339,9 @@ impl RobotController {
             law.limits.admits(command)
         } else {
             // An interior point solution may stand on the wrong side of a row by its tolerance.
-            let limit = speed_limit_mps(law, fleet, self.index, bodies, command);
+            let limit = speed_limit_mps(law, own.theta_rad, bodies, command);
             command.v_mps = command.v_mps.clamp(-limit, limit);
-            is_safe(law, fleet, self.index, bodies, command)
+            is_safe(law, own.pose(), bodies, command)
         };
         let close = (command.v_mps - solution.v_mps).abs() <= KKT_TOLERANCE * (1.0 + solution.v_mps.abs());
         if !safe || !close || residual > KKT_TOLERANCE {

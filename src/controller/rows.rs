@@ -189,20 +189,66 @@ pub(super) fn approach_at(law: &Law, theta_rad: f64, omega_radps: f64, body: &Bo
     approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, law.period_s)
 }
 
-/// Fills the safety and comfort rows; false when there is no room for all of them.
-pub(super) fn fill(
+/// The [`bodies`] around the robot `me`; none when there are more than `found` has room for.
+pub(super) fn gather<'a>(
     law: &Law,
     fleet: &[RobotState],
     me: usize,
     near: &[Nearby],
-    omega_radps: f64,
-    programme: &mut Programme,
-) -> bool {
-    let theta_rad = fleet[me].theta_rad;
+    found: &'a mut Vec<Body>,
+) -> Option<&'a [Body]> {
+    found.clear();
     // The smaller rate reaches further: one sweep serves both kinds of rows.
     let rate = law.control.gamma.min(law.control.comfort_gamma);
     for body in bodies(law, fleet, me, near, rate) {
-        let approach = approach(law, theta_rad, omega_radps, &body);
+        if found.len() == found.capacity() {
+            return None;
+        }
+        found.push(body);
+    }
+    Some(found)
+}
+
+/// How far at most full speed leads towards a body within the period at any turn rate up to `turn_rate_radps`,
+/// forwards or backwards, m: the heading turns by no more than that.
+fn towards_m(law: &Law, ahead: Vec2, turn_rate_radps: f64, body: &Body) -> f64 {
+    let (along, turn) = (body.normal.dot(&ahead), turn_rate_radps * law.period_s);
+    let forward_m = (turn - along).max(0.0) * law.limits.v_max_mps;
+    let backward_m = (turn + along).max(0.0) * -law.limits.v_min_mps;
+    forward_m.max(backward_m) * law.period_s
+}
+
+/// Whether no command at this turn rate comes near a body's line, `budget_m` away; `ahead` is the heading.
+/// True of most bodies, and decided without the closed form.
+pub(super) fn is_out_of_reach(
+    law: &Law,
+    ahead: Vec2,
+    turn_rate_radps: f64,
+    body: &Body,
+    budget_m: f64,
+) -> bool {
+    law.margin.is_none() && !body.anywhere && towards_m(law, ahead, turn_rate_radps, body) <= budget_m
+}
+
+/// Fills the safety and comfort rows; false when there is no room for all of them.
+pub(super) fn fill(
+    law: &Law,
+    theta_rad: f64,
+    bodies: &[Body],
+    omega_radps: f64,
+    programme: &mut Programme,
+) -> bool {
+    let ahead = unit(theta_rad);
+    let turn_rate_radps = match law.control.barrier {
+        BarrierForm::Exact => omega_radps.abs(),
+        BarrierForm::Linear => law.limits.turn_rate_radps(),
+    };
+    let rate = law.control.gamma.min(law.control.comfort_gamma);
+    for body in bodies {
+        if is_out_of_reach(law, ahead, turn_rate_radps, body, budget_m(body.gap_m, rate, body.share)) {
+            continue;
+        }
+        let approach = approach(law, theta_rad, omega_radps, body);
         let safety = budget_m(body.gap_m, law.control.gamma, body.share);
         let comfort = budget_m(body.gap_m, law.control.comfort_gamma, body.share);
         let mut push = |coefficient: f64, speed_mps: f64| {
