@@ -89,7 +89,7 @@ impl Turn {
 
     /// `h` turned toward the unit vector `to` by at most one step.
     #[cfg(test)]
-    pub(super) fn toward(&self, (x, y): (f32, f32), (to_x, to_y): (f32, f32)) -> (f32, f32) {
+    pub(super) fn toward(self, (x, y): (f32, f32), (to_x, to_y): (f32, f32)) -> (f32, f32) {
         if x * to_x + y * to_y >= self.cos {
             return (to_x, to_y);
         }
