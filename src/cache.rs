@@ -17,3 +17,21 @@ pub fn expect<T>(place: &T) {
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (place, LINE_BYTES);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::mem::MaybeUninit;
+
+    #[test]
+    fn asking_changes_nothing_whatever_the_place() {
+        let (large, small, spare) = ([7_u64; 100], 3_u8, MaybeUninit::<[u64; 40]>::uninit());
+        let (nothing, list) = ((), vec![1_u32; 5]);
+        expect(&large);
+        expect(&small);
+        expect(&spare);
+        expect(&nothing);
+        list.iter().for_each(expect);
+        assert_eq!((large, small, list), ([7; 100], 3, vec![1; 5]));
+    }
+}

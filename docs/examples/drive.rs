@@ -24,7 +24,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut observations = client.observations(scenario.robots.len())?;
 
     // Robots that move exactly as the model says, each behind the gate that every receiver of commands
-    // has to have: nothing acts before its time, twice, or after it has expired.
+    // has to have: nothing acts before its time, twice, or after it has expired, and nothing that moves
+    // after a command that was missed.
     let mut plant = Plant::new(&scenario, period_ns, MonotonicClock.now_ns());
     let end = Instant::now() + Duration::from_secs_f64(seconds);
     while Instant::now() < end {

@@ -4,8 +4,9 @@
 //! to somebody else and can hold anything, so every record is checked: finite, inside the arena, a
 //! known robot, once a sample, from the one writer that speaks for it, in sequence, of this run,
 //! neither stale nor from the future, and no further from the last good pose than the robot can
-//! have driven, nor turned by more than it can have turned. What fails is counted under its own reason and changes nothing else; a robot
-//! without an accepted pose is told to stop by whoever asks [`Admission::pose`].
+//! have driven, nor turned by more than it can have turned. What fails is counted under its own reason
+//! and changes nothing else; a robot without an accepted pose is told to stop by whoever asks
+//! [`Admission::pose`].
 //!
 //! World frame, metres, radians, `CLOCK_MONOTONIC` ns. About 50 ns a record plus a binary search;
 //! allocates only when it is made.

@@ -8,8 +8,9 @@
 //!
 //! Reads a slice of [`RobotState`], one for each place of the fleet; writes one [`Decision`] a place.
 //! Who stands in a place and where it is to go is read from the state as well, so that robots and goals
-//! may change between two periods and the same states always give the same decisions. All memory is allocated by [`RobotGroup::new`]; a solve with the exact solver allocates
-//! nothing and cannot panic on data.
+//! may change between two periods and the same states always give the same decisions. All memory is
+//! allocated by [`RobotGroup::new`]; a solve with the exact solver allocates nothing and cannot panic on
+//! data.
 
 mod check;
 pub mod printed;
@@ -158,6 +159,11 @@ impl Law {
                 .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
                 .collect(),
         }
+    }
+
+    /// Bodies that one robot looks at, at most.
+    fn bodies_max(&self) -> usize {
+        BODIES_MAX + self.obstacles.len()
     }
 
     /// Takes in what is the same for all robots in this period.
@@ -362,6 +368,7 @@ impl RobotGroup {
             }
         };
         let law = Law::new(config);
+        let bodies_max = law.bodies_max();
         let largest_m = scenario.robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
         let speed_mps = law.limits.speed_mps();
         let cell_m = law.limits.safety_margin_m + 2.0 * largest_m + 2.0 * law.period_s * speed_mps;
@@ -381,7 +388,7 @@ impl RobotGroup {
                 near: Neighbourhood::with_capacity(robots),
                 neighbours: [Neighbour::default(); guidance::NEIGHBOURS_MAX],
                 predictions: Predictions::for_robots(robots),
-                bodies: Vec::with_capacity(BODIES_MAX + scenario.obstacles.len()),
+                bodies: Vec::with_capacity(bodies_max),
                 programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),
                 solution: Solution::with_capacity(rows),
                 solver,

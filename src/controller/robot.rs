@@ -289,7 +289,8 @@ impl RobotController {
         let bodies = match law.control.profile {
             Profile::Paper => &[],
             Profile::Certified | Profile::Exponential => {
-                let found = rows::gather(law, fleet, self.index, binding, &mut work.bodies);
+                let found =
+                    rows::gather(law, fleet, self.index, binding, (law.bodies_max(), &mut work.bodies));
                 found.ok_or(StopReason::Crowded)?
             }
         };

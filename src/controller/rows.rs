@@ -111,7 +111,7 @@ pub(super) fn bodies<'a>(
         let found = other.has(state_flags::MAY_STAND).then(|| {
             let (way, stray_m) = (law.way(other), law.stray_m(other));
             let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + stray_m;
-            let body = |point: Vec2, beyond_m: f64, touches: bool| {
+            let body = |point: Vec2, beyond_m: f64, (touches, bends): (bool, bool)| {
                 let offset = here - point;
                 let distance_m = offset.norm();
                 let normal = away(offset, distance_m, own.id, other.id);
@@ -121,21 +121,24 @@ pub(super) fn bodies<'a>(
                     normal,
                     gap_m: if touches { gap_m.min(0.0) } else { gap_m },
                     share: 1.0,
-                    anywhere: touches && beyond_m > BOW_MIN_M,
+                    anywhere: touches && bends,
                     blind: (extent_m + stray_m) / distance_m.max(COINCIDENT_M),
                 }
             };
             let bow_m = way.bow_m();
+            // Coordinates are rounded the more the further they are from the origin.
+            let rounding_m = (8.0 * f64::EPSILON * way.length_m * here.norm()).sqrt();
+            let straight_m = BOW_MIN_M.max(rounding_m);
             let nearest = way.closest_point(here);
             if (here - nearest).norm() > reach(required_m + bow_m, 1.0) {
                 return [None, None];
             }
-            let next = body(nearest, bow_m, false);
+            let next = body(nearest, bow_m, (false, false));
             if next.gap_m > 0.0 {
                 return [Some(next), None];
             }
             // Within reach of it: no closer to either end, and so to no point between them.
-            [Some(body(way.from_m, bow_m, true)), Some(body(way.to_m, bow_m, true))]
+            [way.from_m, way.to_m].map(|end| Some(body(end, bow_m, (true, bow_m > straight_m))))
         });
         found.unwrap_or_default().into_iter().flatten()
     });
@@ -189,19 +192,19 @@ pub(super) fn approach_at(law: &Law, theta_rad: f64, omega_radps: f64, body: &Bo
     approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, law.period_s)
 }
 
-/// The [`bodies`] around the robot `me`; none when there are more than `found` has room for.
+/// The [`bodies`] around the robot `me`; none when there are more than `room`, which `found` has at least.
 pub(super) fn gather<'a>(
     law: &Law,
     fleet: &[RobotState],
     me: usize,
     near: &[Nearby],
-    found: &'a mut Vec<Body>,
+    (room, found): (usize, &'a mut Vec<Body>),
 ) -> Option<&'a [Body]> {
     found.clear();
     // The smaller rate reaches further: one sweep serves both kinds of rows.
     let rate = law.control.gamma.min(law.control.comfort_gamma);
     for body in bodies(law, fleet, me, near, rate) {
-        if found.len() == found.capacity() {
+        if found.len() == room {
             return None;
         }
         found.push(body);
@@ -262,4 +265,47 @@ pub(super) fn fill(
         }
     }
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::controller::Timing;
+    use crate::evaluation::initial_fleet;
+    use crate::scenario::Scenario;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// What is left out without its closed form is what the closed form would have left out.
+        #[test]
+        fn what_is_out_of_reach_takes_no_more_than_its_budget_at_any_speed(
+            theta in -3.1..3.1f64, at in -3.1..3.1f64, gap_m in -0.1..0.6f64, turn in -1.0..1.0f64,
+            limits in (-4.0..=0.0f64, 0.1..5.0f64, -2.0..-0.1f64, 0.1..2.0f64), exact in any::<bool>(),
+            share in prop_oneof![Just(0.5), Just(1.0)], speed in -1.0..1.0f64,
+        ) {
+            let mut scenario = Scenario::builtin("head-on").unwrap();
+            let l = &mut scenario.limits;
+            (l.v_min_mps, l.v_max_mps, l.omega_min_radps, l.omega_max_radps) = limits;
+            let mut config = Config::new(scenario);
+            config.controller.barrier = if exact { BarrierForm::Exact } else { BarrierForm::Linear };
+            let mut law = Law::new(&config);
+            law.prepare(&initial_fleet(&config), Timing::default());
+            let omega = if turn < 0.0 { -turn * limits.2 } else { turn * limits.3 };
+            let v = if speed < 0.0 { -speed * limits.0 } else { speed * limits.1 };
+            let body = Body { normal: unit(at), gap_m, share, anywhere: false, blind: 0.0 };
+            let budget = budget_m(gap_m, law.control.comfort_gamma, share);
+            let turn_rate = if exact { omega.abs() } else { law.limits.turn_rate_radps() };
+            let used = |a: Approach| if v < 0.0 { -v * a.backward } else { v * a.forward };
+            if is_out_of_reach(&law, unit(theta), turn_rate, &body, budget) {
+                prop_assert!(used(approach(&law, theta, omega, &body)) <= budget + 1e-12);
+                prop_assert!(used(approach_at(&law, theta, omega, &body)) <= budget + 1e-12);
+            }
+            let anywhere = Body { anywhere: true, ..body };
+            prop_assert!(!is_out_of_reach(&law, unit(theta), turn_rate, &anywhere, budget));
+            // Facing away it is, and straight at what touches it is not.
+            let ahead = Body { gap_m: 0.0, ..body };
+            prop_assert!(!is_out_of_reach(&law, -body.normal, turn_rate, &ahead, 0.0));
+        }
+    }
 }

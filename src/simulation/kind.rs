@@ -228,7 +228,7 @@ kinds! {
             Stop(StopReason::OutOfStep),
         ],
         stops: &[StopReason::OutOfStep], lasts: (1, 4), recovery: UNHEARD, says: REFUSED, misleads: true,
-        ..one("obs-reordered", Scope::Driver, "refused; nothing else happens")
+        ..one("obs-reordered", Scope::Driver, "refused; of one stamped ahead its robots stop until they have held a stop")
     };
     /// Samples are lost on the way.
     ObsLost => Promise {

@@ -36,7 +36,7 @@ struct Carried {
     seen: (Pose, u64),
     pose: Pose,
     at_ns: u64,
-    /// Length of the way from where it was seen, m.
+    /// Length of the way from where it was seen, m; below 0 where it was seen later.
     way_m: f64,
 }
 
@@ -47,7 +47,7 @@ impl Carried {
     /// From the middle between its ends no point of the way is further than half of its length.
     fn unheard(&self) -> (Pose, f64) {
         let position_m = (self.seen.0.position_m + self.pose.position_m) * 0.5;
-        (Pose { position_m, ..self.pose }, 0.5 * self.way_m)
+        (Pose { position_m, ..self.pose }, 0.5 * self.way_m.abs())
     }
 }
 
@@ -109,7 +109,8 @@ impl Observed {
             _ => (seen.0, seen.1, 0.0),
         };
         let (pose, way_m) = self.held.carry(index, pose, at_ns, release_ns);
-        let carried = Carried { seen, pose, at_ns: release_ns, way_m: before_m + way_m };
+        let way_m = before_m + if release_ns < at_ns { -way_m } else { way_m };
+        let carried = Carried { seen, pose, at_ns: release_ns, way_m };
         self.carried[index] = Some(carried);
         carried
     }
@@ -184,8 +185,7 @@ impl StateSource for Observed {
             self.watch(index, seen);
             set_pose(state, carried.pose, 0.0, true);
             (state.seen_x_m, state.seen_y_m) = (seen.0.position_m.x, seen.0.position_m.y);
-            // It may have been seen after t_k, as early as it was heard of.
-            state.way_m = if seen.1 > instant.release_ns { -carried.way_m } else { carried.way_m };
+            state.way_m = carried.way_m;
             state.flags |= state_flags::MAY_STAND;
         }
     }
@@ -227,6 +227,7 @@ mod tests {
     use crate::clock::VirtualClock;
     use crate::config::ChannelConfig;
     use crate::geometry::Arc;
+    use crate::model::RobotId;
     use crate::wire::Holding;
 
     #[test]
@@ -278,6 +279,28 @@ mod tests {
                 let there = arc.position(0.015 * f64::from(step));
                 assert!((there - middle.position_m).norm() <= unknown_m + 1e-12);
             }
+        }
+    }
+
+    /// Seen a quarter of a period after t_k, which the loop looks at late, and not again for a period.
+    #[test]
+    fn a_way_back_is_taken_off_the_way_on() {
+        const T: u64 = 80_000_000;
+        let transport = Transport::new("default", &ChannelConfig::default()).unwrap();
+        let node = transport.in_memory(Memory::default().into()).attach("test").unwrap();
+        let scenario = Scenario::builtin("swap8").unwrap();
+        let mut source = Observed::new(node.reader().unwrap(), &scenario, &SourceConfig::default(), T);
+        let drive = RobotCommand::verified(RobotId(0), Command { v_mps: 1.0, omega_radps: 0.0 });
+        for tick in 10..13 {
+            let (valid_from_ns, valid_until_ns) = (tick * T, (tick + 1) * T);
+            let header = CommandHeader { tick, valid_from_ns, valid_until_ns, ..CommandHeader::default() };
+            source.commit(&header, &[drive], valid_from_ns - T);
+        }
+        let seen = (Pose::new(3.0, 0.0, 0.0), 10 * T + T / 4);
+        for (at_ns, way_m) in [(10 * T, -0.02), (11 * T, 0.06), (12 * T, 0.14)] {
+            let carried = source.carry(0, seen, at_ns);
+            assert!((carried.way_m - way_m).abs() < 1e-12, "{carried:?}");
+            assert!((carried.pose.position_m.x - 3.0 - way_m).abs() < 1e-12, "{carried:?}");
         }
     }
 

@@ -104,6 +104,13 @@ impl Quota {
         std::fs::write(self.0.join("cgroup.procs"), id.to_string()).unwrap();
     }
 
+    /// Lets the group run as much as it likes again.
+    pub fn lift(&self) {
+        let (old, new) = (self.0.join("cpu.cfs_quota_us"), self.0.join("cpu.max"));
+        let lifted = if old.exists() { std::fs::write(old, "-1") } else { std::fs::write(new, "max") };
+        lifted.unwrap();
+    }
+
     /// How often the group has had to wait for its next share.
     pub fn throttled(&self) -> u64 {
         let text = std::fs::read_to_string(self.0.join("cpu.stat")).unwrap();

@@ -112,7 +112,13 @@ class Gate:
         held = _Held(wanted, header.valid_from_ns, header.valid_until_ns)
         # The clock may have been read a little before the sample came: the one before it then still waits, and
         # is driven before this one.
-        self._pending = [one for one in self._pending if one.until_ns <= held.from_ns] + [held]
+        waiting = [one for one in self._pending if one.from_ns < held.from_ns]
+        if len(waiting) == 2:
+            # What moves is never announced so early: a stop. To drop one that waits for its time would lead the
+            # robot elsewhere than is known, so that it stands at once and tells.
+            self.halt()
+            waiting = []
+        self._pending = [*waiting, held]
         return None
 
     def input(self, now_ns: int) -> tuple[float, float]:

@@ -140,6 +140,20 @@ class TheGate(unittest.TestCase):
         self.assertIsNone(gate.offer(header(1, 9, valid_from_ns=710, valid_until_ns=900), stop(7), 710))
         self.assertEqual([gate.input(now)[0] for now in (705, 710, 750, 850)], [1.0, 0.0, 0.0, 0.0])
 
+    def test_one_that_waits_is_driven_until_the_next_begins(self):
+        gate = self.gate
+        gate.offer(header(1, 5), go(1.0), 420)
+        gate.offer(header(1, 6, valid_from_ns=550, valid_until_ns=650), stop(2), 430)
+        self.assertEqual([gate.input(now)[0] for now in (510, 549, 550, 649)], [1.0, 1.0, 0.0, 0.0])
+
+    def test_of_three_that_wait_none_is_dropped_while_the_robot_drives_on(self):
+        gate = self.gate
+        gate.offer(header(1, 5), go(1.0), 420)
+        gate.offer(header(1, 6), go(1.0), 420)
+        gate.offer(header(1, 9), stop(8), 430)
+        self.assertEqual((gate.input(550), gate.input(650)), ((0.0, 0.0), (0.0, 0.0)))
+        self.assertEqual(gate.holding(650), Holding.NOTHING)
+
     def test_commands_follow_each_other_over_periods_that_the_daemon_skipped(self):
         self.gate.offer(header(1, 5), go(1.0), 420)
         self.assertIsNone(self.gate.offer(header(1, 9, follows=5), go(2.0), 820))

@@ -36,6 +36,8 @@ pub fn command(data: &[u8]) {
     let (mut now_ns, mut refused) = (0_u64, 0);
     // Epoch and tick of the command that the robot holds: of an unbroken sequence since a stop to begin with.
     let mut held: Option<(u64, u64)> = None;
+    // When those begin that wait for their time; of three none can be kept.
+    let mut waiting: Vec<u64> = Vec::new();
     for _ in 0..256 {
         if bytes.is_empty() {
             return;
@@ -45,7 +47,7 @@ pub fn command(data: &[u8]) {
         let (halts, header, record) = offer(&mut bytes, now_ns, last);
         if halts {
             gate.halt();
-            held = None;
+            (held, waiting) = (None, Vec::new());
             assert_eq!((gate.input(now_ns), gate.holding(u64::MAX)), (Command::STOP, Holding::Nothing));
         }
         match gate.offer(&header, &record, now_ns) {
@@ -61,6 +63,11 @@ pub fn command(data: &[u8]) {
                     Some(StopReason::Start) if first => Some((header.epoch, header.tick)),
                     _ => held.filter(|(epoch, _)| *epoch == header.epoch),
                 };
+                waiting.retain(|from_ns| !first && *from_ns > now_ns && *from_ns < header.valid_from_ns);
+                if waiting.len() == 2 {
+                    (held, waiting) = (None, Vec::new());
+                }
+                waiting.push(header.valid_from_ns);
                 accepted.push((header, record.command()));
             }
             Err(_) => refused += 1,
