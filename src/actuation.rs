@@ -441,6 +441,16 @@ mod tests {
         let now = CommandHeader { valid_from_ns: 450, ..header(1, 6) };
         g.offer(&now, &stop, 450).unwrap();
         assert_eq!((g.input(460), g.input(550)), (Command::STOP, Command::STOP));
+        // So does one that acts at the same time, and nothing is behind it.
+        let mut g = gate();
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        let same = CommandHeader { valid_until_ns: 540, ..header(1, 5) };
+        g.offer(&CommandHeader { tick: 6, ..same }, &stop, 430).unwrap();
+        assert_eq!(
+            (g.input(510), g.next_change_ns(500), g.input(550)),
+            (Command::STOP, Some(540), Command::STOP)
+        );
+        assert_eq!(g.holding(550), Holding::Command { tick: 5 });
     }
 
     proptest! {
@@ -568,11 +578,24 @@ mod tests {
     #[test]
     fn a_command_that_comes_as_its_time_begins_is_followed_and_later_it_is_missed() {
         let mut g = gate();
-        assert_eq!(g.clone().offer(&header(1, 5), &go(1.0), 500), Ok(()));
+        let published = CommandHeader { state_stamp_ns: 500, stamp_ns: 500, ..header(1, 5) };
+        assert_eq!(g.clone().offer(&published, &go(1.0), 500), Ok(()));
         assert_eq!(g.offer(&header(1, 5), &go(1.0), 501), Err(Refusal::Late));
         assert_eq!(g.offer(&header(1, 6), &go(1.0), 510), Err(Refusal::OutOfStep));
         // However late, a stop is a stop.
         assert_eq!(g.offer(&header(1, 5), &go(0.0), 510), Ok(()));
+    }
+
+    #[test]
+    fn a_stop_out_of_turn_leaves_what_was_followed_and_one_of_a_new_run_nothing() {
+        let (mut g, stop) = (gate(), RobotCommand::stop(RobotId(3), StopReason::Deadline));
+        g.offer(&header(1, 5), &go(1.0), 420).unwrap();
+        g.offer(&header(1, 7), &stop, 620).unwrap();
+        assert_eq!(g.holding(750), Holding::Command { tick: 5 });
+        g.offer(&header(2, 9), &stop, 820).unwrap();
+        assert_eq!(g.holding(950), Holding::Nothing);
+        let next = CommandHeader { follows: 5, ..header(2, 10) };
+        assert_eq!(g.offer(&next, &go(1.0), 920), Err(Refusal::OutOfStep));
     }
 
     #[test]
@@ -613,7 +636,10 @@ mod tests {
         g.offer(&header(1, 5), &go(1.0), 550).unwrap();
         assert_eq!(g.input(550).v_mps, 1.0);
         g.offer(&header(1, 9), &go(2.0), 820).unwrap();
-        assert_eq!(g.input(950).v_mps, 2.0);
+        assert_eq!((g.input(950).v_mps, g.holding(950)), (2.0, Holding::Untold));
+        // Not even after something from which others begin anew.
+        held(&mut g, 2, 10);
+        assert_eq!(g.holding(1_050), Holding::Untold);
     }
 
     #[test]
