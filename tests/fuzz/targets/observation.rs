@@ -79,12 +79,15 @@ pub fn observation(data: &[u8]) {
                 assert!(stamp_ns >= at_ns, "back in time");
                 let way_m =
                     SCENARIO.limits.speed_mps() * (stamp_ns - at_ns) as f64 * 1e-9 + config.jump_margin_m;
-                // A robot that jumped is believed again once it has been out of sight for some samples.
+                // A robot that jumped, or stood twice in a sample, is believed again, wherever it is, once five
+                // samples have followed: the last of them is believed, and the others count as jumps.
                 let turn_rad = SCENARIO.limits.turn_rate_radps() * (stamp_ns - at_ns) as f64 * 1e-9
                     + config.turn_margin_rad;
                 let jumped = (is.position_m - was.position_m).norm() > way_m
                     || wrap(is.theta_rad - was.theta_rad).abs() > turn_rad;
-                assert!(!jumped || admission.rejections().get(Rejection::Jump) >= 5, "{was:?} {is:?}");
+                let doubted = [Rejection::Jump, Rejection::DuplicateRobot];
+                let doubts: u64 = doubted.iter().map(|reason| admission.rejections().get(*reason)).sum();
+                assert!(!jumped || doubts >= 5, "{was:?} {is:?}");
             }
             *last = good;
         }
