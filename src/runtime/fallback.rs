@@ -55,7 +55,7 @@ mod tests {
     use super::*;
     use crate::model::Command;
     use proptest::prelude::*;
-    use state_flags::{ARRIVED, FOREIGN, PAUSED, STOPPED, VACANT, VALID};
+    use state_flags::{ARRIVED, FOREIGN, OUT_OF_STEP, PAUSED, STOPPED, VACANT, VALID};
 
     fn state(flags: u32) -> RobotState {
         RobotState { id: 4, flags, ..RobotState::default() }
@@ -93,6 +93,8 @@ mod tests {
             (VALID | PAUSED, StopReason::Paused),
             (PAUSED, StopReason::Paused),
             (0, StopReason::NoState),
+            (OUT_OF_STEP, StopReason::NoState),
+            (VALID | OUT_OF_STEP | PAUSED, StopReason::Paused),
             (ARRIVED, StopReason::NoState),
         ];
         for (flags, reason) in cases {
@@ -106,6 +108,14 @@ mod tests {
             let (command, rests) = answer(&state(VALID), None, missing, &Limits::default(), &intent(1.0));
             assert_eq!(command, RobotCommand::stop(RobotId(4), missing));
             assert_eq!(rests, resting(&intent(1.0)));
+        }
+    }
+
+    #[test]
+    fn a_robot_that_follows_nothing_is_told_that_this_is_known_whatever_was_staged() {
+        for staged in [Some(staged(0, 1.0, 0.5)), None] {
+            let (command, _) = answered(VALID | OUT_OF_STEP, staged);
+            assert_eq!(command, RobotCommand::stop(RobotId(4), StopReason::OutOfStep));
         }
     }
 
