@@ -3,7 +3,7 @@
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 
 use super::Params;
-use super::others::{least, single};
+use super::lanes::{least, single};
 use core::f32::consts::TAU;
 
 /// Candidate deflections, rad, counter-clockwise positive; near ones first, so that the rest is given up early.

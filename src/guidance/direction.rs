@@ -60,7 +60,7 @@ pub(super) fn unit_single(angle_rad: f32) -> (f32, f32) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::others::single;
+    use super::super::lanes::single;
     use super::*;
     use core::f64::consts::PI;
 

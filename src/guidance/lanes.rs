@@ -4,19 +4,98 @@
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 
-use super::others::{Area, least, most};
-
 /// Candidates that go side by side.
 pub(super) const WIDTH: usize = 16;
 /// One number for each of them.
 pub(super) type Wide = [f32; WIDTH];
 
-/// One of all the numbers: half of them against the other half, and so on.
+/// The lanes of which it holds as the bits of a number, the first the lowest.
 #[inline(always)]
-fn reduce(wide: &Wide, choose: impl Fn(f32, f32) -> f32) -> f32 {
-    let eight: [f32; WIDTH / 2] = std::array::from_fn(|i| choose(wide[i], wide[i + WIDTH / 2]));
-    let four: [f32; WIDTH / 4] = std::array::from_fn(|i| choose(eight[i], eight[i + WIDTH / 4]));
-    choose(choose(four[0], four[2]), choose(four[1], four[3]))
+pub(super) fn bits(holds: [bool; WIDTH]) -> u32 {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{__m128i, _mm_movemask_epi8, _mm_setzero_si128, _mm_sub_epi8};
+        let bytes: __m128i = bytemuck::cast(holds);
+        // SAFETY: every such processor has SSE2.
+        unsafe { _mm_movemask_epi8(_mm_sub_epi8(_mm_setzero_si128(), bytes)).cast_unsigned() }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    (0..WIDTH).fold(0, |bits, lane| bits | u32::from(holds[lane]) << lane)
+}
+
+/// Lanes as the bits of a number, the first the lowest.
+#[derive(Debug)]
+pub(super) struct Which(pub(super) u32);
+
+impl Iterator for Which {
+    type Item = usize;
+
+    fn next(&mut self) -> Option<usize> {
+        let first = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        (first < u32::BITS).then_some(first as usize)
+    }
+}
+
+/// An upright rectangle, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Area {
+    pub(super) min_x: f32,
+    pub(super) min_y: f32,
+    pub(super) max_x: f32,
+    pub(super) max_y: f32,
+}
+
+/// In single precision.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "to the nearest")]
+pub(super) fn single(a: f64) -> f32 {
+    a as f32
+}
+
+/// The smaller one, as one instruction; `b` where one of them is no number.
+#[inline(always)]
+pub(super) fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The larger one, as one instruction; `b` where one of them is no number.
+#[inline(always)]
+pub(super) fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+impl Area {
+    /// The least that holds all of these places.
+    #[inline(always)]
+    pub(super) fn around(x: &Wide, y: &Wide) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{
+                __m128, _mm_max_ps, _mm_min_ps, _mm_movehl_ps, _mm_unpackhi_ps, _mm_unpacklo_ps,
+            };
+            let (x, y): ([__m128; 4], [__m128; 4]) = (bytemuck::cast(*x), bytemuck::cast(*y));
+            // SAFETY: every such processor has SSE.
+            let (min, max) = unsafe {
+                let low = |[a, b, c, d]: [__m128; 4]| _mm_min_ps(_mm_min_ps(a, b), _mm_min_ps(c, d));
+                let high = |[a, b, c, d]: [__m128; 4]| _mm_max_ps(_mm_max_ps(a, b), _mm_max_ps(c, d));
+                let ((min_x, min_y), (max_x, max_y)) = ((low(x), low(y)), (high(x), high(y)));
+                let min = _mm_min_ps(_mm_unpacklo_ps(min_x, min_y), _mm_unpackhi_ps(min_x, min_y));
+                let max = _mm_max_ps(_mm_unpacklo_ps(max_x, max_y), _mm_unpackhi_ps(max_x, max_y));
+                (_mm_min_ps(min, _mm_movehl_ps(min, min)), _mm_max_ps(max, _mm_movehl_ps(max, max)))
+            };
+            let ([min_x, min_y, ..], [max_x, max_y, ..]): ([f32; 4], [f32; 4]) =
+                (bytemuck::cast(min), bytemuck::cast(max));
+            Self { min_x, min_y, max_x, max_y }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        Self {
+            min_x: x.iter().copied().fold(x[0], least),
+            min_y: y.iter().copied().fold(y[0], least),
+            max_x: x.iter().copied().fold(x[0], most),
+            max_y: y.iter().copied().fold(y[0], most),
+        }
+    }
 }
 
 /// Where the candidates of a row are, and their headings.
@@ -29,17 +108,20 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Where those are that go on: the others have infinity in `gone`, these 0.
     #[inline(always)]
-    pub(super) fn area(&self, gone: &Wide) -> Area {
-        let add = |wide: &Wide| std::array::from_fn(|lane| wide[lane] + gone[lane]);
-        let take = |wide: &Wide| std::array::from_fn(|lane| wide[lane] - gone[lane]);
-        Area {
-            min_x: reduce(&add(&self.x), least),
-            min_y: reduce(&add(&self.y), least),
-            max_x: reduce(&take(&self.x), most),
-            max_y: reduce(&take(&self.y), most),
+    pub(super) fn join(&mut self, alive: u32, with: usize) {
+        for wide in [&mut self.x, &mut self.y, &mut self.hx, &mut self.hy] {
+            join(wide, alive, with);
         }
+    }
+}
+
+/// The lanes that are not `alive` become as lane `with`.
+#[inline(always)]
+pub(super) fn join(wide: &mut Wide, alive: u32, with: usize) {
+    let one = wide[with];
+    for (lane, number) in wide.iter_mut().enumerate() {
+        *number = if (alive >> lane) & 1 == 0 { one } else { *number };
     }
 }
 
@@ -66,11 +148,53 @@ impl Row {
         }
     }
 
+    /// Lanes without a candidate go with the first.
+    #[inline(always)]
+    pub(super) fn fill(&mut self) {
+        self.join((1 << self.count) - 1, 0);
+    }
+
+    /// What steers the lanes that are not `alive` is what steers lane `with`.
+    #[inline(always)]
+    pub(super) fn join(&mut self, alive: u32, with: usize) {
+        for wide in [&mut self.direction_x, &mut self.direction_y, &mut self.share] {
+            join(wide, alive, with);
+        }
+    }
+
     pub(super) fn push(&mut self, rank: usize, (x, y): (f32, f32), share: f32, base: f32) {
         let lane = self.count;
         self.rank[lane] = rank;
         (self.direction_x[lane], self.direction_y[lane]) = (x, y);
         (self.share[lane], self.cost[lane]) = (share, base);
         self.count += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// What is done with all lanes at once comes out as lane by lane.
+        #[test]
+        fn all_lanes_at_once_are_as_one_by_one(
+            x in prop::array::uniform16(-3.0..3.0f32),
+            y in prop::array::uniform16(-3.0..3.0f32),
+            holds in prop::array::uniform16(any::<bool>()),
+            with in 0..WIDTH,
+        ) {
+            let alive = bits(holds);
+            prop_assert_eq!(Which(alive).collect::<Vec<_>>(), (0..WIDTH).filter(|lane| holds[*lane]).collect::<Vec<_>>());
+            let area = Area::around(&x, &y);
+            let ends = |wide: &Wide| (wide.iter().copied().fold(f32::MAX, least), wide.iter().copied().fold(f32::MIN, most));
+            prop_assert_eq!(((area.min_x, area.max_x), (area.min_y, area.max_y)), (ends(&x), ends(&y)));
+            let mut joined = x;
+            join(&mut joined, alive, with);
+            for lane in 0..WIDTH {
+                prop_assert_eq!(joined[lane], if holds[lane] { x[lane] } else { x[with] });
+            }
+        }
     }
 }

@@ -8,6 +8,7 @@
 #![expect(clippy::inline_always, reason = "compiled for the caller's registers only as a part of it")]
 
 use super::Params;
+use super::lanes::{Area, Which, bits, least, most, single};
 use super::predict::{Path, STEPS};
 use super::types::NEIGHBOURS_MAX;
 use crate::geometry::Vec2;
@@ -36,48 +37,6 @@ pub(super) struct Others {
     pub(super) slow_m2: Lanes,
     close_m2: Lanes,
     count: usize,
-}
-
-/// Lanes as the bits of a number, the first the lowest.
-#[derive(Debug)]
-pub(super) struct Which(pub(super) u32);
-
-impl Iterator for Which {
-    type Item = usize;
-
-    fn next(&mut self) -> Option<usize> {
-        let first = self.0.trailing_zeros();
-        self.0 &= self.0.wrapping_sub(1);
-        (first < u32::BITS).then_some(first as usize)
-    }
-}
-
-/// An upright rectangle, m.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Area {
-    pub(super) min_x: f32,
-    pub(super) min_y: f32,
-    pub(super) max_x: f32,
-    pub(super) max_y: f32,
-}
-
-/// In single precision.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "to the nearest")]
-pub(super) fn single(a: f64) -> f32 {
-    a as f32
-}
-
-/// The smaller one, as one instruction; `b` where one of them is no number.
-#[inline(always)]
-pub(super) fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// The larger one, as one instruction; `b` where one of them is no number.
-#[inline(always)]
-pub(super) fn most(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 impl Others {
@@ -131,14 +90,14 @@ impl Others {
     #[inline(always)]
     pub(super) fn slowing(&self, area: &Area, k: usize) -> Which {
         let (x, y) = (&self.x_m[k], &self.y_m[k]);
-        let mut which = 0;
+        let mut near = [false; NEIGHBOURS_MAX];
         for lane in 0..NEIGHBOURS_MAX {
             // Rounding keeps the order of numbers, so nobody in the area is nearer than its nearest point.
             let dx = most(most(area.min_x - x[lane], x[lane] - area.max_x), 0.0);
             let dy = most(most(area.min_y - y[lane], y[lane] - area.max_y), 0.0);
-            which |= u32::from(dx * dx + dy * dy <= self.slow_m2[lane]) << lane;
+            near[lane] = dx * dx + dy * dy <= self.slow_m2[lane];
         }
-        Which(which)
+        Which(bits(near))
     }
 
     /// Those that may come close to a robot that goes up to `reach_m` from somewhere in `from` in step `k`: all that do,
@@ -146,7 +105,7 @@ impl Others {
     #[inline(always)]
     pub(super) fn passing(&self, from: &Area, reach_m: f32, k: usize) -> Which {
         let (x0, y0, x1, y1) = (&self.x_m[k], &self.y_m[k], &self.x_m[k + 1], &self.y_m[k + 1]);
-        let mut which = 0;
+        let mut near = [false; NEIGHBOURS_MAX];
         for lane in 0..NEIGHBOURS_MAX {
             // Seen from the neighbour, the way lies in the rectangle around both of its ends.
             let min_x = from.min_x - most(x0[lane], x1[lane] + reach_m);
@@ -154,9 +113,9 @@ impl Others {
             let min_y = from.min_y - most(y0[lane], y1[lane] + reach_m);
             let max_y = from.max_y - least(y0[lane], y1[lane] - reach_m);
             let (dx, dy) = (most(most(min_x, -max_x), 0.0), most(most(min_y, -max_y), 0.0));
-            which |= u32::from(dx * dx + dy * dy < self.close_m2[lane]) << lane;
+            near[lane] = dx * dx + dy * dy < self.close_m2[lane];
         }
-        Which(which)
+        Which(bits(near))
     }
 }
 

@@ -8,8 +8,7 @@
 
 use super::Params;
 use super::direction::unit_single;
-use super::lanes::{WIDTH, Wide};
-use super::others::{least, most, single};
+use super::lanes::{WIDTH, Wide, least, most, single};
 use super::types::{Limits, Neighbour};
 use crate::geometry::wrap;
 

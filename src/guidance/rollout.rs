@@ -5,8 +5,7 @@
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::candidates::Best;
-use super::lanes::{Motion, Row, WIDTH, Wide};
-use super::others::{Area, Which, least, most, single};
+use super::lanes::{Area, Motion, Row, WIDTH, Which, Wide, bits, join, least, most, single};
 use super::predict::STEPS;
 use super::scene::Scene;
 use super::types::NEIGHBOURS_MAX;
@@ -36,10 +35,10 @@ impl Scene<'_> {
         }
         let scale = &self.scale;
         let mut give_up = [f32::NEG_INFINITY; WIDTH];
-        let mut gone = [f32::INFINITY; WIDTH];
         for lane in 0..row.count {
-            (give_up[lane], gone[lane]) = (best.give_up(row.rank[lane]), 0.0);
+            give_up[lane] = best.give_up(row.rank[lane]);
         }
+        row.fill();
         let mut alive = (1u32 << row.count) - 1;
         row.count = 0;
         let slower: Wide = std::array::from_fn(|lane| 1.0 / row.share[lane] - 1.0);
@@ -75,9 +74,9 @@ impl Scene<'_> {
             }
             let raised = self.closeness(passing, &at, &next, k, fade, &mut worst);
             at = next;
-            area = at.area(&gone);
+            area = Area::around(&at.x, &at.y);
             time += scale.step_s;
-            let (mut lost, mut ended) = ([0.0; WIDTH], [0; WIDTH]);
+            let (mut lost, mut beaten, mut landed) = ([0.0; WIDTH], [false; WIDTH], [false; WIDTH]);
             for lane in 0..WIDTH {
                 row.cost[lane] += raised[lane] + scrape[lane] * (fade * scale.step_s);
                 let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
@@ -86,14 +85,12 @@ impl Scene<'_> {
                 lost[lane] = time + (left[lane] - self.left_m) * scale.per_v_max;
                 // What is left of the horizon is driven at no more than the candidate's share.
                 let rest = self.behind(row.share[lane], slower[lane], left[lane], STEPS - 1 - k);
-                let beaten = row.cost[lane] + lost[lane] + rest - self.forgiven_s >= give_up[lane];
-                ended[lane] =
-                    (u32::from(beaten) << lane) | (u32::from(left[lane] < LANDED_M) << (lane + WIDTH));
+                beaten[lane] = row.cost[lane] + lost[lane] + rest - self.forgiven_s >= give_up[lane];
+                landed[lane] = left[lane] < LANDED_M;
             }
             fade -= scale.fade;
-            let ended = ended.into_iter().fold(0, |all, lane| all | lane);
-            let beaten = ended & alive;
-            let last = if k + 1 == STEPS { alive } else { (ended >> WIDTH) & alive };
+            let beaten = bits(beaten) & alive;
+            let last = if k + 1 == STEPS { alive } else { bits(landed) & alive };
             if beaten | last == 0 {
                 continue;
             }
@@ -111,10 +108,12 @@ impl Scene<'_> {
             if alive == 0 {
                 return;
             }
-            for lane in 0..WIDTH {
-                gone[lane] = if (alive >> lane) & 1 == 0 { f32::INFINITY } else { 0.0 };
-            }
-            area = at.area(&gone);
+            // Those that ended go with one that goes on, so that nobody goes where nobody has to look.
+            let with = alive.trailing_zeros() as usize;
+            row.join(alive, with);
+            at.join(alive, with);
+            join(&mut left, alive, with);
+            area = Area::around(&at.x, &at.y);
         }
     }
 

@@ -11,8 +11,8 @@
 use super::Params;
 use super::candidates::{Best, DEFLECTIONS_RAD, SPEEDS, biases, directions};
 use super::direction::unit;
-use super::lanes::{Row, WIDTH};
-use super::others::{Others, single};
+use super::lanes::{Row, WIDTH, single};
+use super::others::Others;
 use super::predict::{Predictions, STEPS, Turn};
 use super::rollout::ON_TARGET_M;
 use super::types::{Ego, Limits, Neighbour, ObstacleView, Plan};
