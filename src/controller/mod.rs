@@ -17,6 +17,7 @@ pub mod printed;
 mod robot;
 mod robots;
 mod rows;
+mod seat;
 mod shelf;
 
 pub use robots::Robots;

@@ -467,8 +467,18 @@ impl RobotController {
 /// min over the others of d − ρ at this instant, m.
 fn clearance(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> f64 {
     let own = &fleet[me];
-    let to = |n: &Nearby| n.distance_m - law.limits.safety_margin_m - own.radius_m - fleet[n.index].radius_m;
-    near.iter().map(to).fold(f64::INFINITY, |least_m, m| if m < least_m { m } else { least_m })
+    let left =
+        |n: &Nearby, radius_m: f64| n.distance_m - law.limits.safety_margin_m - own.radius_m - radius_m;
+    let mut least_m = f64::INFINITY;
+    for n in near {
+        // Nearest first: from here on not even the largest robot leaves less.
+        if left(n, law.largest_radius_m) >= least_m {
+            break;
+        }
+        let left_m = left(n, fleet[n.index].radius_m);
+        least_m = if left_m < least_m { left_m } else { least_m };
+    }
+    least_m
 }
 
 /// A time between two readings of the clock, which is read through the vDSO: no system call.
@@ -478,11 +488,40 @@ fn nanoseconds(time: Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use super::{Law, Nearby, clearance};
     use crate::config::Config;
     use crate::controller::{RobotGroup, Timing};
     use crate::evaluation::initial_fleet;
     use crate::scenario::Scenario;
     use crate::wire::telemetry_flags;
+
+    /// The look that ends early finds what a look at everybody finds.
+    #[test]
+    fn clearance_is_the_least_of_all_whatever_the_radii() {
+        let config = Config::new(Scenario::builtin("swap8").unwrap());
+        let mut law = Law::new(&config);
+        let mut fleet = initial_fleet(&config);
+        // The nearest is the smallest one, and the largest is not the last.
+        for (k, radii_m) in
+            [[0.1, 0.2, 0.3, 0.35], [0.3, 0.1, 0.1, 0.2], [0.2, 0.2, 0.2, 0.2]].iter().enumerate()
+        {
+            for (robot, radius_m) in fleet[1..].iter_mut().zip(radii_m) {
+                robot.radius_m = *radius_m;
+            }
+            law.prepare(&fleet, Timing::default());
+            let away_m = [0.7, 0.75, 0.9 - 0.02 * k as f64, 0.91];
+            let near = [1, 2, 3, 4].map(|index| Nearby { distance_m: away_m[index - 1], id: 0, index });
+            let left = near.map(|n| {
+                n.distance_m - law.limits.safety_margin_m - fleet[0].radius_m - fleet[n.index].radius_m
+            });
+            assert_eq!(
+                clearance(&law, &fleet, 0, &near),
+                left.into_iter().fold(f64::INFINITY, f64::min),
+                "{k}"
+            );
+        }
+        assert_eq!(clearance(&law, &fleet, 0, &[]), f64::INFINITY);
+    }
 
     /// Noise may carry a robot that stands out of the tolerance, where it stays; its own way may not.
     #[test]

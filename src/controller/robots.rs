@@ -1,24 +1,20 @@
 //! The controllers of a whole fleet, which move from worker to worker with what they remember.
 
 use super::robot::RobotController;
+use super::seat::{Seat, Taken};
 use super::{ControllerError, Law};
 use crate::cache;
 use crate::config::Config;
 use crate::wire::RobotState;
-use std::sync::{Mutex, MutexGuard, TryLockError};
 
 /// One controller for each place of a fleet, common to its workers.
 ///
-/// A worker tries the seat of a robot, decides, and leaves it: two atomic exchanges. Nobody ever waits for a
-/// seat, so that a worker that is late can disturb nobody: a robot whose controller is taken goes without an
-/// answer in this period, and stands. All of them lie in one piece of memory.
+/// A worker tries the seat of a robot, decides, and leaves it. Nobody ever waits for a seat, so that a worker
+/// that is late can disturb nobody: a robot whose controller is taken goes without an answer in this period,
+/// and stands. All of them lie in one piece of memory.
 pub struct Robots {
-    seats: Vec<Seat>,
+    seats: Vec<Seat<Occupant>>,
 }
-
-/// Poisoned once a panic has left the controller half changed. Begins a line of the cache.
-#[repr(align(64))]
-struct Seat(Mutex<Occupant>);
 
 struct Occupant {
     robot: RobotController,
@@ -30,16 +26,15 @@ impl Robots {
     /// The controllers of all places of `config`, at their starts.
     pub fn new(config: &Config) -> Self {
         let law = Law::new(config);
-        let seat = |index| Seat(Mutex::new(Occupant::at_start(&law, config, index)));
+        let seat = |index| Seat::new(Occupant::at_start(&law, config, index));
         Self { seats: (0..config.places()).map(seat).collect() }
     }
 
     /// Makes those anew that were lost in a panic; they remember nothing. Allocates.
     pub(super) fn refill(&self, law: &Law, config: &Config) {
-        for (index, Seat(seat)) in self.seats.iter().enumerate() {
-            if let Err(TryLockError::Poisoned(lost)) = seat.try_lock() {
-                *lost.into_inner() = Occupant::at_start(law, config, index);
-                seat.clear_poison();
+        for (index, seat) in self.seats.iter().enumerate() {
+            if let Some(mut lost) = seat.take_lost() {
+                *lost = Occupant::at_start(law, config, index);
             }
         }
     }
@@ -61,8 +56,8 @@ impl Robots {
     }
 
     /// The controller at `index` if it is there and whole.
-    fn take(&self, index: usize) -> Option<MutexGuard<'_, Occupant>> {
-        self.seats.get(index)?.0.try_lock().ok()
+    fn take(&self, index: usize) -> Option<Taken<'_, Occupant>> {
+        self.seats.get(index)?.take()
     }
 
     /// Says that the controller at `index` will be wanted soon.
