@@ -11,7 +11,7 @@
 //! together leave d(s) ≥ ρ at every instant (docs/MATH.md, Theorem 1). Both forms below turn it
 //! into one row g·v ≤ b for v ≥ 0, and one more for v < 0.
 
-use crate::geometry::chord_factor;
+use crate::geometry::{chord_factor, cos};
 use std::f64::consts::FRAC_PI_2;
 
 /// The two coefficients of a barrier row: `forward`·v ≤ b for v ≥ 0 and `backward`·|v| ≤ b for v < 0.
@@ -41,7 +41,7 @@ pub fn approach_linear(normal: f64, tangent: f64, turn_rate_radps: f64, period_s
 /// `phi_rad` in (−π, π] is the angle from n to the heading. The largest approach of a unit-speed arc is at
 /// s = 0, at s = T, or where the heading is square to n.
 pub fn approach_exact(phi_rad: f64, omega_radps: f64, period_s: f64) -> Approach {
-    let at = |s: f64| -chord_factor(omega_radps, s) * libm::cos(phi_rad + 0.5 * omega_radps * s);
+    let at = |s: f64| -chord_factor(omega_radps, s) * cos(phi_rad + 0.5 * omega_radps * s);
     let end = at(period_s);
     let mut approach = Approach { forward: end.max(0.0), backward: (-end).max(0.0) };
     if omega_radps != 0.0 {

@@ -1,4 +1,5 @@
 use crate::config::{ControllerConfig, Profile};
+use crate::geometry::{cos, sincos};
 
 /// The finite-time decrease of Definition 2: Q(V) = min{V, c₃ V^α}.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,11 +93,15 @@ impl Decrease {
 
     /// Q_θ for the heading error `e_rad` when one step turns at most `reach_rad`.
     pub fn heading(&self, e_rad: f64, reach_rad: f64) -> f64 {
-        let v = 1.0 - libm::cos(e_rad);
+        self.heading_from(1.0 - cos(e_rad), e_rad, reach_rad)
+    }
+
+    /// Q_θ for the Lyapunov function `v` of the heading error.
+    fn heading_from(&self, v: f64, e_rad: f64, reach_rad: f64) -> f64 {
         match *self {
             Self::FiniteTime { law, alignment } => {
                 let rest = (e_rad.abs() - reach_rad * alignment).max(0.0);
-                law.decrease_to(v, v - (1.0 - libm::cos(rest)))
+                law.decrease_to(v, v - (1.0 - cos(rest)))
             }
             Self::Printed(law) => law.decrease(v),
             Self::Exponential { c3 } => c3 * v,
@@ -165,7 +170,7 @@ impl HeadingCertificate {
     /// a Taylor value, not a bound.
     pub fn printed(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
         let bound = Self::new(e_rad, period_s, turn_rate_radps, decrease);
-        Self { curvature: period_s * period_s * libm::cos(e_rad).max(0.0), ..bound }
+        Self { curvature: period_s * period_s * cos(e_rad).max(0.0), ..bound }
     }
 
     /// The certificate at the heading error `e_rad` in (−π, π].
@@ -175,12 +180,14 @@ impl HeadingCertificate {
     /// beyond a right angle, and a Taylor value rather than a bound before it.
     pub fn new(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
         let reach_rad = turn_rate_radps * period_s;
-        let h = libm::cos((e_rad.abs() - reach_rad).max(0.0)).max(0.0);
+        let h = cos((e_rad.abs() - reach_rad).max(0.0)).max(0.0);
+        let (sin, cos) = sincos(e_rad);
+        let lyapunov = 1.0 - cos;
         Self {
-            lyapunov: 1.0 - libm::cos(e_rad),
-            linear: period_s * libm::sin(e_rad),
+            lyapunov,
+            linear: period_s * sin,
             curvature: period_s * period_s * h,
-            decrease: decrease.heading(e_rad, reach_rad),
+            decrease: decrease.heading_from(lyapunov, e_rad, reach_rad),
         }
     }
 }

@@ -1,3 +1,4 @@
+use super::trig::{atan2, sincos};
 use super::Vec2;
 use std::f64::consts::{PI, TAU};
 
@@ -20,13 +21,13 @@ pub fn wrap(angle_rad: f64) -> f64 {
 
 /// Unit vector (cos, sin) of an angle.
 pub fn unit(angle_rad: f64) -> Vec2 {
-    let (sin, cos) = libm::sincos(angle_rad);
+    let (sin, cos) = sincos(angle_rad);
     Vec2::new(cos, sin)
 }
 
 /// Angle of a vector from the x axis, rad, in [−π, π]; 0 for the zero vector.
 pub fn bearing(v: Vec2) -> f64 {
-    libm::atan2(v.y, v.x)
+    atan2(v.y, v.x)
 }
 
 /// `v` turned counter-clockwise by the angle with this cosine and sine.

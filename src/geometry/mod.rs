@@ -1,8 +1,8 @@
 //! Planar geometry of a unicycle under a zero-order hold: angles, exact arcs and the exact
 //! distance between things that move on them.
 //!
-//! World frame, metres, radians, counter-clockwise positive. Trigonometry comes from `libm` here and in
-//! all that follows, so that results are the same to the bit on every platform. Nothing here allocates.
+//! World frame, metres, radians, counter-clockwise positive. Trigonometry has the bits of `libm` here and in
+//! all that follows, so that results are the same on every platform. Nothing here allocates.
 
 mod angle;
 mod arc;
@@ -10,6 +10,7 @@ mod distance;
 mod grid;
 mod shape;
 mod timed;
+mod trig;
 mod way;
 
 pub use angle::{bearing, rotate, unit, wrap};
@@ -18,6 +19,7 @@ pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_
 pub use grid::Grid;
 pub use shape::{closest_point_on_segment, segment_distance};
 pub use timed::{TimedArc, min_distance_timed};
+pub use trig::{atan2, cos, sin, sincos};
 pub use way::Way;
 
 /// A point or vector in the plane, metres.

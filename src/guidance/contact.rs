@@ -1,7 +1,7 @@
 //! Contact: a heading into something that is touched is no motion, so it is made tangential and slightly outward.
 
 use super::types::{Drive, Ego, Neighbour, ObstacleView};
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, bearing};
 
 /// Outward part of the direction at contact.
 const LEAN: f64 = 0.08;
@@ -36,5 +36,5 @@ pub(super) fn slide(
         let (normal, gap) = o.clearance(ego.position_m);
         touch(normal, gap);
     }
-    (if changed { libm::atan2(direction.y, direction.x) } else { drive.heading_rad }, direction)
+    (if changed { bearing(direction) } else { drive.heading_rad }, direction)
 }

@@ -6,7 +6,7 @@
 
 use super::Params;
 use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Way};
-use crate::geometry::{Vec2, closest_point_on_segment, unit, wrap};
+use crate::geometry::{Vec2, bearing, closest_point_on_segment, unit, wrap};
 
 const DIRECTIONS: u32 = 16;
 const LENGTHS_M: [f64; 3] = [0.5, 1.0, 1.8];
@@ -72,7 +72,7 @@ pub(super) fn spot(
 pub(super) fn drive(ego: &Ego, spot_m: Vec2, limits: &Limits) -> Drive {
     let to = spot_m - ego.position_m;
     let left = to.norm();
-    let heading_rad = if left > REACHED_M { libm::atan2(to.y, to.x) } else { ego.heading_rad };
+    let heading_rad = if left > REACHED_M { bearing(to) } else { ego.heading_rad };
     let e = wrap(heading_rad - ego.heading_rad).abs();
     let v = (left / limits.period_s).min(SPEED_SHARE * limits.v_max_mps) * (1.0 - 2.0 * e).max(0.0);
     Drive { heading_rad, direction: unit(heading_rad), speed_cap_mps: v, intent_speed_mps: v }

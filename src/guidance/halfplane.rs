@@ -5,7 +5,7 @@
 
 use super::Params;
 use super::types::{Drive, Ego, Limits, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView};
-use crate::geometry::{Vec2, rotate, unit, wrap};
+use crate::geometry::{Vec2, bearing, rotate, sincos, unit, wrap};
 
 const PLANES_MAX: usize = NEIGHBOURS_MAX + OBSTACLES_MAX;
 /// One step of the clockwise search.
@@ -64,7 +64,7 @@ pub(super) fn drive(
     let mut beta = (*beta_rad - params.beta_decay_rad).max(0.0);
     let mut best = Vec2::new(0.0, 0.0);
     for _ in 0..TURNS_MAX {
-        let (s, c) = libm::sincos(-beta);
+        let (s, c) = sincos(-beta);
         let preferred = rotate(toward, c, s) * speed;
         best = project(planes, preferred);
         if best.norm() >= params.eta * speed || beta >= params.beta_max_rad {
@@ -73,7 +73,7 @@ pub(super) fn drive(
         beta += STEP_RAD;
     }
     let wanted = best.norm();
-    let (s, c) = libm::sincos(-beta);
+    let (s, c) = sincos(-beta);
     let direction = if wanted > 1e-6 { best / wanted } else { rotate(toward, c, s) };
     // Exactly tangential at contact is not motion: lean outward.
     let mut lean = Vec2::new(0.0, 0.0);
@@ -93,7 +93,7 @@ pub(super) fn drive(
     }
     let direction = (direction + lean * LEAN).try_normalize(1e-9).unwrap_or(direction);
     *beta_rad = beta;
-    let heading_rad = libm::atan2(direction.y, direction.x);
+    let heading_rad = bearing(direction);
     let e = wrap(heading_rad - ego.heading_rad).abs();
     Drive {
         heading_rad,

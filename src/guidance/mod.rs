@@ -15,7 +15,7 @@
 //!
 //! `contact` bends the result where something is touched.
 
-use crate::geometry::wrap;
+use crate::geometry::{bearing, wrap};
 mod anticipate;
 mod ask;
 mod bypass;
@@ -61,7 +61,7 @@ pub fn guide(
     let neighbours = &neighbours[..neighbours.len().min(NEIGHBOURS_MAX)];
     let obstacles = &obstacles[..obstacles.len().min(OBSTACLES_MAX)];
     let to_target = ego.target_m - ego.position_m;
-    let bearing = libm::atan2(to_target.y, to_target.x);
+    let bearing = bearing(to_target);
     if !memory.started {
         memory.started = true;
         memory.way.rank = ego.id;

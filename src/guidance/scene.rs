@@ -16,7 +16,7 @@ use super::others::Others;
 use super::predict::{Predictions, STEPS, Turn};
 use super::rollout::ON_TARGET_M;
 use super::types::{Ego, Limits, Neighbour, ObstacleView, Plan};
-use crate::geometry::{Vec2, wrap};
+use crate::geometry::{Vec2, bearing, wrap};
 
 /// Share of the times that rounding may take off the bound of a cost; four times what it does.
 const ROUNDING: f32 = 4e-6;
@@ -105,7 +105,7 @@ impl<'a> Scene<'a> {
             to: (x, y),
             left_m,
             forgiven_s: ROUNDING * (STEPS as f32 * scale.step_s + left_m * scale.per_v_max),
-            bearing_rad: libm::atan2(to.y, to.x),
+            bearing_rad: bearing(to),
             turn,
             scale,
             others: Others::none(),
