@@ -161,6 +161,46 @@ fn what_cannot_be_checked_is_refused() {
     }
 }
 
+/// However well everything else fits.
+#[test]
+fn a_solution_of_what_is_no_programme_is_refused() {
+    let places: [fn(&mut Programme) -> &mut f64; 19] = [
+        |p| &mut p.weights.v,
+        |p| &mut p.weights.omega,
+        |p| &mut p.weights.position,
+        |p| &mut p.weights.heading,
+        |p| &mut p.weights.comfort,
+        |p| &mut p.position.linear,
+        |p| &mut p.position.curvature,
+        |p| &mut p.position.decrease,
+        |p| &mut p.heading.linear,
+        |p| &mut p.heading.curvature,
+        |p| &mut p.heading.decrease,
+        |p| &mut p.v_mps.min,
+        |p| &mut p.v_mps.max,
+        |p| &mut p.omega_radps.min,
+        |p| &mut p.omega_radps.max,
+        |p| &mut p.comfort[2].coefficient,
+        |p| &mut p.comfort[2].bound,
+        |p| &mut p.safety[1].coefficient,
+        |p| &mut p.safety[1].bound,
+    ];
+    for poison in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for (n, place) in places.into_iter().enumerate() {
+            let mut p = programme();
+            *place(&mut p) = poison;
+            let r = Residuals::of(&p, &solution());
+            assert_eq!(r.max(), f64::INFINITY, "{poison} in place {n}: {r:?}");
+            // Nor is one that asks for nothing and stands; the weight of rows that it lacks is of no matter.
+            let mut p = Programme::with_capacity(Weights::default(), 0);
+            if n < 15 && n != 4 {
+                *place(&mut p) = poison;
+                assert_eq!(Residuals::of(&p, &Solution::default()).max(), f64::INFINITY, "{poison} {n}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_largest_residual_counts() {
     let r = |primal, dual, complementarity, stationarity| {

@@ -5,7 +5,7 @@ use super::shelf::{Found, PreparedRoute, RouteShelf};
 use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
 use crate::config::{BarrierForm, Profile};
-use crate::geometry::{Vec2, bearing, wrap};
+use crate::geometry::{Vec2, bearing, unit, wrap};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Predictions,
     Route,
@@ -285,6 +285,7 @@ impl RobotController {
         let aim = self.aim(law, fleet, near, (&mut work.neighbours, &mut work.predictions));
         Self::note(law, &aim, telemetry);
 
+        let ahead = unit(own.theta_rad);
         let binding = rows::binding(law, near, sight.all_m);
         let bodies = match law.control.profile {
             Profile::Paper => &[],
@@ -299,7 +300,7 @@ impl RobotController {
         programme.omega_radps = Interval { min: law.limits.omega_min_radps, max: law.limits.omega_max_radps };
         let cap = if aim.holding { 0.0 } else { aim.guidance.speed_cap_mps.clamp(0.0, law.limits.v_max_mps) };
         programme.v_mps = Interval { min: law.limits.v_min_mps.max(-cap), max: cap };
-        (programme.position, programme.heading) = Self::certificates(law, own, &aim, telemetry);
+        (programme.position, programme.heading) = Self::certificates(law, own, ahead, &aim, telemetry);
 
         if law.control.profile == Profile::Paper {
             let limit = printed::speed_limit(law, fleet, self.index, near, optimal_speed(programme));
@@ -307,10 +308,10 @@ impl RobotController {
         } else {
             // Form F1 needs ω before the rows in v: the programme separates, so ω is already decided.
             let omega = match law.control.barrier {
-                BarrierForm::Exact => optimal_turn_rate(programme),
-                BarrierForm::Linear => 0.0,
+                BarrierForm::Exact if !bodies.is_empty() => optimal_turn_rate(programme),
+                _ => 0.0,
             };
-            if !rows::fill(law, own.theta_rad, bodies, omega, programme) {
+            if !rows::fill(law, (own.theta_rad, ahead), bodies, omega, programme) {
                 return Err(StopReason::Crowded);
             }
         }
@@ -340,7 +341,7 @@ impl RobotController {
             law.limits.admits(command)
         } else {
             // An interior point solution may stand on the wrong side of a row by its tolerance.
-            let limit = speed_limit_mps(law, own.theta_rad, bodies, command);
+            let limit = speed_limit_mps(law, (own.theta_rad, ahead), bodies, command);
             command.v_mps = command.v_mps.clamp(-limit, limit);
             is_safe(law, own.pose(), bodies, command)
         };
@@ -419,10 +420,11 @@ impl RobotController {
         Aim { reference_m: guidance.reference_m, holding: ego.arrived && !guidance.leave_goal, guidance }
     }
 
-    /// The certificates (28) and (31) for the aim.
+    /// The certificates (28) and (31) for the aim of a robot that heads along `ahead`.
     fn certificates(
         law: &Law,
         own: &RobotState,
+        ahead: Vec2,
         aim: &Aim,
         telemetry: &mut RobotTelemetry,
     ) -> (Certificate, Certificate) {
@@ -434,7 +436,7 @@ impl RobotController {
         let decrease = Decrease::of(&law.control);
         let offset = aim.reference_m - own.position_m();
         let distance_m = offset.norm();
-        let along_m = offset.dot(&own.pose().heading());
+        let along_m = offset.dot(&ahead);
         let p = PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &decrease);
         let error_rad = wrap(own.theta_rad - bearing(offset));
         let turn_rate = law.limits.turn_rate_radps();

@@ -1,5 +1,5 @@
-use super::trig::{atan2, sincos};
 use super::Vec2;
+use super::trig::{atan2, sincos};
 use std::f64::consts::{PI, TAU};
 
 /// The representative of `angle_rad` in (−π, π], the interval of the paper's `wrap`.

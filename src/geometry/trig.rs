@@ -179,7 +179,10 @@ mod tests {
 
     fn same_angle(y: f64, x: f64) {
         let (angle, a) = (atan2(y, x), libm::atan2(y, x));
-        assert!(angle.to_bits() == a.to_bits() || angle.is_nan() && a.is_nan(), "{y:e} {x:e}: {angle:e} {a:e}");
+        assert!(
+            angle.to_bits() == a.to_bits() || angle.is_nan() && a.is_nan(),
+            "{y:e} {x:e}: {angle:e} {a:e}"
+        );
     }
 
     /// A number and its neighbours, with both signs.
@@ -206,8 +209,11 @@ mod tests {
                 same_angle(x, slope * x);
             }
         }
-        let odd = [0.0, -0.0, 1.0, -1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324, 1e-310, f64::MAX];
-        odd.into_iter().for_each(|y| odd.into_iter().for_each(|x| same_angle(y, x)));
+        let odd =
+            [0.0, -0.0, 1.0, -1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324, 1e-310, f64::MAX];
+        for y in odd {
+            odd.into_iter().for_each(|x| same_angle(y, x));
+        }
     }
 
     proptest! {

@@ -47,16 +47,17 @@ impl Solution {
 
     /// Zeroes everything and sets the lengths; keeps the memory.
     pub fn reset(&mut self, comfort: usize, safety: usize) {
-        let zeroed = |mut v: Vec<f64>, n: usize| {
-            v.clear();
-            v.resize(n, 0.0);
-            v
-        };
-        *self = Self {
-            slack_comfort: zeroed(std::mem::take(&mut self.slack_comfort), comfort),
-            dual_comfort: zeroed(std::mem::take(&mut self.dual_comfort), comfort),
-            dual_safety: zeroed(std::mem::take(&mut self.dual_safety), safety),
-            ..Self::default()
-        };
+        for (rows, n) in [
+            (&mut self.slack_comfort, comfort),
+            (&mut self.dual_comfort, comfort),
+            (&mut self.dual_safety, safety),
+        ] {
+            rows.clear();
+            rows.resize(n, 0.0);
+        }
+        (self.v_mps, self.omega_radps) = (0.0, 0.0);
+        (self.slack_position, self.slack_heading) = (0.0, 0.0);
+        (self.dual_position, self.dual_heading) = (0.0, 0.0);
+        (self.dual_v, self.dual_omega) = ([0.0; 2], [0.0; 2]);
     }
 }

@@ -12,7 +12,7 @@
 use crate::programme::{Certificate, Row};
 
 /// Where a row is positive.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Positive {
     Never,
     Always,
@@ -53,6 +53,8 @@ pub(super) struct Minimum {
     pub(super) right: f64,
     /// Derivative from the left at x: what the bound holds back at `hi` when negative.
     pub(super) left: f64,
+    /// Where the certificate is positive.
+    certificate: Positive,
 }
 
 /// Which side of a point a one-sided derivative looks at.
@@ -149,7 +151,7 @@ impl Piecewise<'_> {
         let mut at_upper = self.derivative(certificate, upper, Side::Left);
         if at_upper <= 0.0 || self.hi <= self.lo {
             let right = self.derivative(certificate, upper, Side::Right);
-            return Minimum { x: upper, right, left: at_upper };
+            return Minimum { x: upper, right, left: at_upper, certificate };
         }
         loop {
             let kink = self.next_kink(certificate, upper);
@@ -158,11 +160,11 @@ impl Piecewise<'_> {
             if at_lower < 0.0 {
                 // The derivative crosses zero inside (lower, upper), where it is a line.
                 let x = self.crossing(certificate, lower, upper, at_upper).clamp(lower, upper);
-                return Minimum { x, right: 0.0, left: 0.0 };
+                return Minimum { x, right: 0.0, left: 0.0, certificate };
             }
             let left = self.derivative(certificate, lower, Side::Left);
             if kink.is_none() || left <= 0.0 {
-                return Minimum { x: lower, right: at_lower, left };
+                return Minimum { x: lower, right: at_lower, left, certificate };
             }
             (upper, at_upper) = (lower, left);
         }
@@ -183,8 +185,7 @@ impl Piecewise<'_> {
     /// Rows that are positive carry their whole weight, rows that are not carry none, and rows with
     /// their kink at `x` share what is left of the derivative, in order.
     pub(super) fn multipliers(&self, minimum: &Minimum, rows: &mut [f64]) -> f64 {
-        let x = minimum.x;
-        let certificate = sign_of_certificate(self.certificate);
+        let Minimum { x, certificate, .. } = *minimum;
         // Start from the left derivative; every share given to a row at its kink raises it.
         let mut missing = if minimum.left > 0.0 {
             0.0 // held by the lower bound

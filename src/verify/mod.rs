@@ -59,6 +59,10 @@ struct Check {
 
 /// `value` against `scale`; anything not finite counts as infinitely wrong.
 fn relative(value: f64, scale: f64) -> f64 {
+    // Nearly all are, whatever the scale: that those are numbers is seen to apart.
+    if value == 0.0 {
+        return 0.0;
+    }
     let r = value / (1.0 + scale);
     if r.is_finite() { r } else { f64::INFINITY }
 }
@@ -86,7 +90,7 @@ impl Check {
         // Both multipliers, λ of the row and w − λ of δ ≥ 0, against their distances.
         let products = (dual * (excess - slack)).abs().max(((weight - dual) * slack).abs());
         r.complementarity = r.complementarity.max(relative(products, weight * (1.0 + scale)));
-        self.refuse_nan(excess + slack + dual);
+        self.refuse_nan(excess + slack + dual + weight);
     }
 
     /// A row `excess ≤ 0` with multiplier `dual` ≥ 0.
