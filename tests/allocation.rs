@@ -259,8 +259,9 @@ fn regions_of_a_large_fleet_are_answered_without_allocating_and_a_crowd_is_stopp
         let (mut answered, mut remembered) = (0, 0);
         for (group, region) in groups.iter_mut().zip([0..cut, cut..places]) {
             let remember = |_, _| remembered += 1;
-            group.solve_region(
-                (tick, region),
+            let mut parts = std::iter::once(region);
+            group.solve_parts(
+                (tick, || parts.next()),
                 &fleet,
                 Timing::LogicalExecutionTime,
                 remember,

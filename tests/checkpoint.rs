@@ -123,8 +123,9 @@ fn begins_anew(panics: u64, recorded: bool) {
         let (mut memories, mut commands) = (BTreeMap::new(), BTreeMap::new());
         let mut next = fleet.clone();
         let worked = catch_unwind(AssertUnwindSafe(|| {
-            driving.solve_region(
-                (tick, 0..fleet.len()),
+            let mut all = std::iter::once(0..fleet.len());
+            driving.solve_parts(
+                (tick, || all.next()),
                 &fleet,
                 Timing::LogicalExecutionTime,
                 |index, memory| _ = memories.insert(index, memory),

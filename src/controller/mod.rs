@@ -416,13 +416,13 @@ impl RobotGroup {
         self.robots.is_some()
     }
 
-    /// Decides in period `tick` for the robots in the part `region` of the fleet in spatial order: cell
-    /// by cell, the smaller index first. The order is that of the states alone, and so are the decisions,
-    /// whoever makes them. `remember` hears what each robot remembered, then `each` what it decided; while
+    /// Decides in period `tick` for the robots in the `parts` of the fleet in spatial order, which are asked for
+    /// until none is left: cell by cell, the smaller index first. The order is that of the states alone, and so
+    /// are the decisions, whoever makes them. `remember` hears what each robot remembered, then `each` what it decided; while
     /// they do, nobody else can decide for this robot. For groups [`among`](Self::among) others.
-    pub fn solve_region(
+    pub fn solve_parts(
         &mut self,
-        (tick, region): (u64, Range<usize>),
+        (tick, mut parts): (u64, impl FnMut() -> Option<Range<usize>>),
         fleet: &[RobotState],
         timing: Timing,
         mut remember: impl FnMut(usize, RobotCheckpoint),
@@ -434,7 +434,7 @@ impl RobotGroup {
         }
         // One robot's step begins where that of the one before ended.
         let mut clock = Instant::now();
-        for at in region {
+        for at in std::iter::from_fn(&mut parts).flatten() {
             let order = self.workspace.around.order();
             let Some(&index) = order.get(at) else { return };
             if let Some(&later) = order.get(at + AHEAD) {

@@ -87,7 +87,7 @@ impl Board {
 
     /// Lets the workers start on `tick`; everything written before is visible to them.
     pub(super) fn release(&self, tick: u64) {
-        self.regions.adopt();
+        self.regions.begin(tick);
         self.busy.store(tick << BUSY_BITS | self.workers, Ordering::Relaxed);
         self.released.store(tick + 1, Ordering::Release);
         self.releases.notify();

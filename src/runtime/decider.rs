@@ -3,6 +3,9 @@ use std::ops::Range;
 use crate::controller::{Decision, RobotGroup, Timing};
 use crate::wire::{RobotCheckpoint, RobotState};
 
+/// Hands out parts of the fleet, one after the other, while there are any.
+pub type Claims<'a> = &'a mut dyn FnMut() -> Option<Range<usize>>;
+
 /// One worker's share of the controller: the robots it owns, with their workspaces and memory.
 ///
 /// It is made in the worker's thread and never leaves it. `decide` must call `each` once for every
@@ -12,22 +15,22 @@ pub trait Decider {
     /// act at `t_{k+1}`.
     fn decide(&mut self, fleet: &[RobotState], each: &mut dyn FnMut(usize, &Decision));
 
-    /// Whether it answers regions of the fleet, with [`decide_region`](Self::decide_region), and not
+    /// Whether it answers parts of the fleet, with [`decide_parts`](Self::decide_parts), and not
     /// always the robots that it was made for.
     fn is_regional(&self) -> bool {
         false
     }
 
     /// As [`decide`](Self::decide) and [`checkpoint`](Self::checkpoint), in period `tick` and for the
-    /// robots in the part `region` of the fleet in spatial order.
-    fn decide_region(
+    /// robots in the `parts` of the fleet in spatial order, which are asked for until none is left.
+    fn decide_parts(
         &mut self,
-        (tick, region): (u64, Range<usize>),
+        (tick, parts): (u64, Claims),
         fleet: &[RobotState],
         remember: &mut dyn FnMut(usize, RobotCheckpoint),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
-        let _ = (tick, region, fleet, remember, each);
+        let _ = (tick, parts, fleet, remember, each);
     }
 
     /// Calls `each` with every robot's index in the fleet and what it remembers, so that a recording
@@ -52,14 +55,14 @@ impl Decider for RobotGroup {
         RobotGroup::is_regional(self)
     }
 
-    fn decide_region(
+    fn decide_parts(
         &mut self,
-        region: (u64, Range<usize>),
+        (tick, parts): (u64, Claims),
         fleet: &[RobotState],
         remember: &mut dyn FnMut(usize, RobotCheckpoint),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
-        self.solve_region(region, fleet, Timing::LogicalExecutionTime, remember, each);
+        self.solve_parts((tick, parts), fleet, Timing::LogicalExecutionTime, remember, each);
     }
 
     fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {

@@ -226,16 +226,16 @@ impl Housekeeper {
         });
     }
 
-    /// Asks for other regions when the workers' are uneven. The commands never depend on it.
+    /// Asks for other regions when the workers answer more or less than theirs. The commands never depend on it.
     fn rebalance(&mut self) {
         let workers = self.solves.len();
         if workers < 2 || self.answers.records < REBALANCE_PERIODS * workers as u64 {
             return;
         }
-        if let Some(cuts) = self.board.regions.balanced(&self.answers.work_ns) {
+        if let Some(cuts) = self.board.regions.balanced(&self.answers.answered) {
             self.board.regions.want(&cuts);
         }
-        self.answers.work_ns.fill(0);
+        self.answers.answered.fill(0);
         self.answers.records = 0;
     }
 

@@ -54,7 +54,7 @@ pub use accelerated::Accelerated;
 pub use admin::{Refusal, Rehearsal};
 pub(crate) use counts::Counts;
 pub use daemon::Daemon;
-pub use decider::Decider;
+pub use decider::{Claims, Decider};
 pub use error::DaemonError;
 pub use event_count::{EventCount, SPIN_LEAD_NS, Waiting};
 pub use keeping::JournalError;

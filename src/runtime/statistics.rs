@@ -191,9 +191,9 @@ impl Statistics {
         line(
             now.corrupt,
             before.corrupt,
-            "states that changed in memory before a worker read them; its robots stopped",
+            "states that changed in memory before a worker read them; who went without an answer stopped",
         );
-        line(now.panics, before.panics, "worker panics; its robots stopped");
+        line(now.panics, before.panics, "worker panics; who went without an answer stopped");
         line(
             now.worker_rests,
             before.worker_rests,

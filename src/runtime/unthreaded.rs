@@ -188,6 +188,11 @@ impl<C: Clock, D: Decider> Crew<C, D> {
         }
     }
 
+    /// Whether somebody answered robot `index` in period `tick`.
+    pub(crate) fn has_answer(&self, index: usize, tick: u64) -> bool {
+        self.board.staging.take(index, tick).is_some()
+    }
+
     /// What waits for a worker on `state`, where that is in memory.
     pub(crate) fn states(&self, worker: usize) -> Option<&Arc<Queue<RobotState>>> {
         self.workers.get(worker)?.0.states.queue()

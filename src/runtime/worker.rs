@@ -30,12 +30,14 @@ struct Lapses {
 }
 
 impl Lapses {
-    /// A period that was worked through.
-    fn clean(&mut self) {
+    /// A period that was worked through; whether earlier panics are forgiven with it.
+    fn clean(&mut self) -> bool {
         self.clean += 1;
-        if self.clean >= FORGIVEN_AFTER {
+        let forgiven = self.panics > 0 && self.clean >= FORGIVEN_AFTER;
+        if forgiven {
             *self = Self::default();
         }
+        forgiven
     }
 
     /// A panic; for how many periods the worker rests.
@@ -125,21 +127,24 @@ impl<C: Clock> Worker<C> {
             .decider
             .as_mut()
             .map(|current| catch_unwind(AssertUnwindSafe(|| self.period(tick, current))).is_ok());
-        // Whatever came of it, there is nothing more to wait for.
-        self.board.done(tick);
         if worked == Some(true) {
-            shift.lapses.clean();
-        } else if worked == Some(false) {
-            self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
-            // Made at once: it brings back what the panic took from others as well.
-            shift.decider = make();
-            self.rest(shift, tick);
-        } else {
-            // It could not be made the last time.
-            shift.decider = make();
-            if shift.decider.is_none() {
-                self.rest(shift, tick);
+            self.board.done(tick);
+            if shift.lapses.clean() {
+                self.board.regions.reserve(self.index, false);
             }
+            return found;
+        }
+        let panicked = worked == Some(false);
+        if panicked {
+            self.board.regions.reserve(self.index, true);
+            self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
+        }
+        // Before it is done: it brings back what the panic took, for whoever claims it in the next period. What
+        // could not be made the last time is tried again.
+        shift.decider = make();
+        self.board.done(tick);
+        if panicked || shift.decider.is_none() {
+            self.rest(shift, tick);
         }
         found
     }
@@ -231,12 +236,19 @@ impl<C: Clock> Worker<C> {
             }
         };
         if regional {
-            let region = self.board.regions.of(self.index);
+            let regions = &self.board.regions;
+            // As many as a record has room for, which is more than its own region.
+            let mut room = regions.room();
+            let mut parts = || {
+                let part = regions.claim(self.index, tick, room)?;
+                room = room.saturating_sub(part.len());
+                Some(part)
+            };
             let mut remember = |index: usize, checkpoint| {
                 self.board.staging.expect(index);
                 remember(index, checkpoint);
             };
-            decider.decide_region((tick, region), fleet, &mut remember, &mut each);
+            decider.decide_parts((tick, &mut parts), fleet, &mut remember, &mut each);
         } else {
             decider.checkpoint(remember);
             decider.decide(fleet, &mut each);
@@ -260,17 +272,17 @@ mod tests {
         let mut rare = Lapses::default();
         for _ in 0..20 {
             assert_eq!(rare.panic(), 0);
-            (0..FORGIVEN_AFTER).for_each(|_| rare.clean());
+            assert_eq!((0..FORGIVEN_AFTER).filter(|_| rare.clean()).count(), 1);
         }
         let mut frequent = Lapses::default();
         for _ in 0..RESTARTS_MAX {
             assert_eq!(frequent.panic(), 0);
-            (1..FORGIVEN_AFTER).for_each(|_| frequent.clean());
+            assert!((1..FORGIVEN_AFTER).all(|_| !frequent.clean()));
         }
         // Longer every time, and never for ever.
         let rests: Vec<u64> = (0..9).map(|_| frequent.panic()).collect();
         assert_eq!(rests, [16, 32, 64, 128, 256, 512, 1024, 1024, 1024]);
-        (0..FORGIVEN_AFTER).for_each(|_| frequent.clean());
+        assert!((1..FORGIVEN_AFTER).all(|_| !frequent.clean()) && frequent.clean());
         assert_eq!(frequent.panic(), 0);
     }
 }

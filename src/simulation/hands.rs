@@ -1,13 +1,12 @@
 //! What goes wrong inside a worker: its solver, its decisions, itself.
 
 use std::cell::Cell;
-use std::ops::Range;
 use std::rc::Rc;
 
 use crate::controller::{Decision, RobotGroup};
 use crate::model::{Command, RobotId};
 use crate::programme::{Programme, Solution};
-use crate::runtime::Decider;
+use crate::runtime::{Claims, Decider};
 use crate::solver::{ExactSolver, Outcome, Solver};
 use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, state_flags};
 
@@ -39,8 +38,6 @@ pub(crate) enum Wrong {
 pub(crate) struct Switch {
     pub(crate) wrong: Cell<Wrong>,
     pub(crate) applied: Cell<u64>,
-    /// Robots of ours that were answered in the last period.
-    pub(crate) robots: Cell<usize>,
 }
 
 impl Switch {
@@ -91,15 +88,14 @@ impl Decider for Hand {
         true
     }
 
-    fn decide_region(
+    fn decide_parts(
         &mut self,
-        region: (u64, Range<usize>),
+        (tick, parts): (u64, Claims),
         fleet: &[RobotState],
         remember: &mut dyn FnMut(usize, RobotCheckpoint),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         let (switch, mut answered) = (&self.switch, 0);
-        switch.robots.set(0);
         let mut answer = |index: usize, decision: &Decision| {
             if switch.wrong.get() == Wrong::Panic(answered) {
                 switch.note();
@@ -107,11 +103,8 @@ impl Decider for Hand {
                 std::panic::resume_unwind(Box::new("a fault, injected"));
             }
             answered += 1;
-            let nobody = state_flags::VACANT | state_flags::FOREIGN;
-            let ours = fleet.get(index).is_some_and(|state| state.flags & nobody == 0);
-            switch.robots.set(switch.robots.get() + usize::from(ours));
             let mut decision = *decision;
-            // Work takes the same time on every machine; regions are balanced by it.
+            // The same on every machine.
             decision.telemetry.step_ns = 5_000 + u64::from(decision.telemetry.id % 64) * 50;
             decision.telemetry.solve_ns = 100;
             spoil(switch, fleet.get(index), &mut decision);
@@ -123,9 +116,9 @@ impl Decider for Hand {
             let nobody_stands =
                 |state: &RobotState| RobotState { flags: state.flags & !state_flags::MAY_STAND, ..*state };
             let fleet: Vec<RobotState> = fleet.iter().map(nobody_stands).collect();
-            return Decider::decide_region(&mut self.group, region, &fleet, remember, &mut answer);
+            return Decider::decide_parts(&mut self.group, (tick, parts), &fleet, remember, &mut answer);
         }
-        Decider::decide_region(&mut self.group, region, fleet, remember, &mut answer);
+        Decider::decide_parts(&mut self.group, (tick, parts), fleet, remember, &mut answer);
     }
 }
 

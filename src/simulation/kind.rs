@@ -121,19 +121,19 @@ kinds! {
     /// A worker panics among its robots.
     WorkerPanic => Promise {
         counters: &[Panics, Stop(StopReason::Deadline), Counter::Misses], stops: LATE,
-        says: Some("worker panics; its robots stopped"),
-        ..one("worker-panic", Scope::Worker, "its robots without an answer stop for the period; rebuilt")
+        says: Some("worker panics; who went without an answer stopped"),
+        ..one("worker-panic", Scope::Worker, "robots that nobody answered stop for the period; rebuilt")
     };
     /// A worker takes no turn.
     WorkerHang => Promise {
         counters: &[Silent, Stop(StopReason::Deadline), Counter::Misses], stops: LATE, lasts: (2, 6),
         says: Some("a worker does not answer in time"),
-        ..one("worker-hang", Scope::Worker, "its robots stop; noticed after two periods")
+        ..one("worker-hang", Scope::Worker, "the others answer as far as they have room, the rest stop; noticed after two periods")
     };
     /// A worker answers after the deadline.
     WorkerLate => Promise {
         counters: &[Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE, lasts: (1, 3), says: MISSED,
-        ..one("worker-late", Scope::Worker, "its robots stop; the late answer is not used")
+        ..one("worker-late", Scope::Worker, "the others answer as far as they have room, the rest stop; no late answer is used")
     };
     /// The solver answers not-a-number.
     SolverNan => Promise {
@@ -288,17 +288,17 @@ kinds! {
     /// A worker does not get the state.
     StateLost => Promise {
         counters: &[Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE, lasts: (1, 3), says: MISSED,
-        ..one("state-lost", Scope::Worker, "nothing is answered; its robots stop")
+        ..one("state-lost", Scope::Worker, "the others answer as far as they have room, the rest stop")
     };
     /// A worker gets the state of an earlier period.
     StateOld => Promise {
         counters: &[Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE, lasts: (1, 3), says: MISSED,
-        ..one("state-old", Scope::Worker, "not answered; its robots stop")
+        ..one("state-old", Scope::Worker, "not answered; the others answer as far as they have room, the rest stop")
     };
     /// A worker gets the state of another run.
     StateOtherEpoch => Promise {
         counters: &[Stop(StopReason::Deadline), Counter::Misses, Silent], stops: LATE, lasts: (1, 3), says: MISSED,
-        ..one("state-other-epoch", Scope::Worker, "not answered; its robots stop")
+        ..one("state-other-epoch", Scope::Worker, "not answered; the others answer as far as they have room, the rest stop")
     };
     /// A bit of an observation flips on the way.
     ObsBit => Promise {
@@ -309,7 +309,7 @@ kinds! {
     StateBit => Promise {
         counters: &[Counter::CorruptStates, Stop(StopReason::Corrupt), Counter::Misses, Silent],
         stops: &[StopReason::Corrupt, StopReason::Deadline], lasts: (1, 3), says: Some("states that changed in memory"),
-        ..one("state-bit", Scope::Worker, "nothing is answered; its robots stop")
+        ..one("state-bit", Scope::Worker, "not answered; the others answer as far as they have room, the rest stop")
     };
     /// A bit of a command sample flips on its way to a driver.
     CmdBit => Promise {

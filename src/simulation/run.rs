@@ -18,7 +18,7 @@ use crate::channel::memory::{Memory, Message, Queue};
 use crate::clock::{Clock, VirtualTime};
 use crate::geometry::Vec2;
 use crate::runtime::Crew;
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotState};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, state_flags};
 
 /// Periods after the last fault in which everybody who can has to arrive.
 const ARRIVE: u64 = 2500;
@@ -275,6 +275,7 @@ impl Run {
                 for worker in workers {
                     self.work(worker, period, now.now_ns());
                 }
+                self.look_who_went_without(tick, period);
                 self.advance(now, wake_ns + self.plan.config.timing.margin_ns() + over_ns);
                 return false;
             }
@@ -282,6 +283,9 @@ impl Run {
         match self.turns.1.pop() {
             Some(worker) => {
                 self.work(worker, period, wake_ns);
+                if self.turns.1.is_empty() {
+                    self.look_who_went_without(tick, period);
+                }
                 let work_ns = 20_000 + self.order.below(100_000);
                 now.sleep_until((now.now_ns() + work_ns).min(wake_ns));
             }
@@ -301,7 +305,6 @@ impl Run {
     fn work(&mut self, worker: usize, period: u64, deadline_ns: u64) {
         let Some(crew) = &mut self.crew else { return };
         let before = self.switches.get(worker).map_or(0, |switch| switch.applied.get());
-        let answered = self.switches.get(worker).map_or(0, |switch| switch.robots.get());
         let mut works = true;
         for one in &mut self.active {
             if one.fault.target != worker
@@ -310,8 +313,6 @@ impl Run {
             {
                 continue;
             }
-            // A worker that has none of our robots to answer has nothing to show.
-            one.armed &= answered > 0;
             match one.kind() {
                 Kind::WorkerHang => works = false,
                 Kind::WorkerLate => {
@@ -353,13 +354,7 @@ impl Run {
             crew.work(worker);
         }
         let applied = self.switches.get(worker).map_or(0, |switch| switch.applied.get()) - before;
-        let answers = self.switches.get(worker).map_or(0, |switch| switch.robots.get());
         for one in &mut self.active {
-            let over = one.applied > 0 && !one.acts_at(period);
-            if over && one.fault.target == worker && one.kind().promise().scope == Scope::Worker {
-                // Regions move: its robots may have left it in the very period of the fault.
-                one.armed &= answers > 0;
-            }
             let inside = matches!(
                 one.kind(),
                 Kind::WorkerPanic
@@ -373,6 +368,18 @@ impl Run {
             if inside && one.fault.target == worker && one.acts_at(period) {
                 one.applied += applied;
             }
+        }
+    }
+
+    /// All workers had their turns: where the others answered for the one that did not, there is nothing to show.
+    fn look_who_went_without(&mut self, tick: u64, period: u64) {
+        let (Some(crew), Some(state)) = (&self.crew, &self.newest) else { return };
+        let nobody = state_flags::VACANT | state_flags::FOREIGN;
+        let mut ours = state.robots.iter().enumerate().filter(|(_, robot)| robot.flags & nobody == 0);
+        let missing = ours.any(|(index, _)| !crew.has_answer(index, tick));
+        let silent = [Kind::WorkerLate, Kind::StateLost, Kind::StateOld, Kind::StateOtherEpoch];
+        for one in self.active.iter_mut().filter(|one| one.acts_at(period) && silent.contains(&one.kind())) {
+            one.armed &= missing;
         }
     }
 

@@ -1,13 +1,12 @@
 //! Every bit of an observation, of a state and of a command flips on its way, one at a time: whoever
 //! was to act on it refuses and counts it. Eight robots, over channels in memory.
 
-use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::board::Board;
-use super::decider::Decider;
+use super::decider::{Claims, Decider};
 use super::tests::support::World;
 use super::worker::Worker;
 use crate::admission::Rejection;
@@ -217,15 +216,15 @@ impl Decider for Struck<'_> {
     fn is_regional(&self) -> bool {
         self.inner.is_regional()
     }
-    fn decide_region(
+    fn decide_parts(
         &mut self,
-        region: (u64, Range<usize>),
+        (tick, parts): (u64, Claims),
         fleet: &[RobotState],
         remember: &mut dyn FnMut(usize, RobotCheckpoint),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         self.strike(fleet);
-        Decider::decide_region(&mut self.inner, region, fleet, remember, each);
+        Decider::decide_parts(&mut self.inner, (tick, parts), fleet, remember, each);
     }
     fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
         Decider::checkpoint(&self.inner, each);

@@ -1,15 +1,14 @@
 //! Who answers which robot changes nothing.
 
-use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use super::rig::{Ready, Rig};
+use super::rig::{Ready, Rig, Seen};
 use super::support::World;
 use super::{group, regional, swap8};
 use crate::config::PublishAt;
 use crate::controller::{Decision, RobotGroup};
-use crate::runtime::decider::Decider;
+use crate::runtime::decider::{Claims, Decider};
 use crate::scenario::Scenario;
 use crate::wire::{RobotCheckpoint, RobotState};
 
@@ -63,15 +62,14 @@ impl Decider for Panicking {
         true
     }
 
-    fn decide_region(
+    fn decide_parts(
         &mut self,
-        region: (u64, Range<usize>),
+        (tick, parts): (u64, Claims),
         fleet: &[RobotState],
         remember: &mut dyn FnMut(usize, RobotCheckpoint),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
-        let tick = region.0;
-        self.group.decide_region(region, fleet, remember, &mut |index, decision| {
+        self.group.decide_parts((tick, parts), fleet, remember, &mut |index, decision| {
             if (tick, index) == (5, 3) {
                 self.panics.fetch_add(1, Ordering::Relaxed);
                 std::panic::resume_unwind(Box::new("a fault, injected"));
@@ -101,4 +99,64 @@ fn a_robot_whose_controller_was_lost_in_a_panic_drives_on_with_a_new_one_in_any_
             "{stopped:?}"
         );
     }
+}
+
+/// A regional group of a worker that is held up until the loop does not wait any more.
+struct HeldUp {
+    group: RobotGroup,
+    held: bool,
+    over: Arc<AtomicBool>,
+}
+
+impl Decider for HeldUp {
+    fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
+        unreachable!("it is regional");
+    }
+
+    fn is_regional(&self) -> bool {
+        true
+    }
+
+    fn decide_parts(
+        &mut self,
+        (tick, parts): (u64, Claims),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        while self.held && !self.over.load(Ordering::Acquire) {
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
+        self.group.decide_parts((tick, parts), fleet, remember, each);
+    }
+}
+
+/// One worker of three sleeps through the run: the others answer its robots, and nobody sees a difference.
+#[test]
+fn what_a_worker_does_not_come_to_the_others_answer() {
+    const TICKS: u64 = 30;
+    let world = World::new("held-up");
+    let field = Scenario::builtin("random-20-1").unwrap();
+    let rig = Rig::new(&world, field.clone(), 2, TICKS);
+    let make = group(&rig.config);
+    let fixed = rig.run(make).0;
+    let mut rig = Rig::new(&world, field.clone(), 3, TICKS);
+    rig.config.timing.publish = PublishAt::Deadline;
+    let over = Arc::new(AtomicBool::new(false));
+    let (last, held_up) = (Arc::clone(&over), Arc::clone(&over));
+    rig.ready = Box::new(move |board, tick| {
+        let complete = board.staging.complete(tick);
+        last.fetch_or(complete && tick + 1 == TICKS, Ordering::AcqRel);
+        complete
+    });
+    let make = regional(&rig.config);
+    let seen = rig
+        .run(move |owned| {
+            let held = owned.contains(&0);
+            HeldUp { group: make(owned), held, over: Arc::clone(&held_up) }
+        })
+        .0;
+    assert!(seen.states == fixed.states);
+    let commands = |seen: &Seen| -> Vec<_> { seen.commands.iter().map(|(_, all)| all.clone()).collect() };
+    assert_eq!(commands(&seen), commands(&fixed));
 }
