@@ -367,6 +367,8 @@ impl Run {
             );
             if inside && one.fault.target == worker && one.acts_at(period) {
                 one.applied += applied;
+                // Where the others had answered everything it had nothing to panic at, and will not rest.
+                one.armed &= applied > 0 || one.kind() != Kind::WorkerRests;
             }
         }
     }
