@@ -18,7 +18,7 @@ proptest! {
     ) {
         let x = turn_rate * period;
         let linear = approach_linear(phi.cos(), phi.sin(), turn_rate, period);
-        let exact = |omega: f64| approach_exact(phi, omega, period);
+        let exact = |omega: f64| approach_exact(phi.cos(), phi.sin(), omega, period);
         let of: [fn(Approach) -> f64; 2] = [|a| a.forward, |a| a.backward];
         for (of, along) in of.into_iter().zip([phi.cos(), -phi.cos()]) {
             prop_assert!(of(linear) >= of(exact(share * turn_rate)) - 1e-12);

@@ -89,7 +89,7 @@ proptest! {
         omega in -1.0..1.0f64, phi in -3.1..3.1f64,
     ) {
         let d = activation_m(RHO, 5.0, T, gamma, share) + beyond;
-        prop_assert!(5.0 * approach_exact(phi, omega, T).forward <= budget_m(d - RHO, gamma, share) + 1e-12);
+        prop_assert!(5.0 * approach_exact(phi.cos(), phi.sin(), omega, T).forward <= budget_m(d - RHO, gamma, share) + 1e-12);
     }
 
     /// Remark 1 is backwards: a larger γ admits a faster approach.

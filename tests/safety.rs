@@ -17,7 +17,10 @@ enum Form {
 
 fn approach(form: Form, pose: Pose, normal: Vec2, omega: f64, omega_max: f64, t: f64) -> Approach {
     match form {
-        Form::Exact => approach_exact(wrap(pose.theta_rad - normal.y.atan2(normal.x)), omega, t),
+        Form::Exact => {
+            let h = pose.heading();
+            approach_exact(normal.dot(&h), normal.perp(&h), omega, t)
+        }
         Form::Linear => {
             let h = pose.heading();
             approach_linear(normal.dot(&h), normal.perp(&h), omega_max, t)

@@ -11,7 +11,7 @@
 //! together leave d(s) ≥ ρ at every instant (docs/MATH.md, Theorem 1). Both forms below turn it
 //! into one row g·v ≤ b for v ≥ 0, and one more for v < 0.
 
-use crate::geometry::{chord_factor, cos};
+use crate::geometry::{chord_factor, sinc, sincos};
 use std::f64::consts::FRAC_PI_2;
 
 /// The two coefficients of a barrier row: `forward`·v ≤ b for v ≥ 0 and `backward`·|v| ≤ b for v < 0.
@@ -36,23 +36,47 @@ pub fn approach_linear(normal: f64, tangent: f64, turn_rate_radps: f64, period_s
     Approach { forward: one(normal), backward: one(-normal) }
 }
 
-/// Form F1: exact for a given ω.
+/// Turns from here on are looked at angle by angle, rad: below, the heading is square to n once at most.
+const FAR_RAD: f64 = 3.0;
+
+/// Form F1: exact for a given ω; `normal` = n·h = cos φ and `tangent` = sin φ as above.
 ///
-/// `phi_rad` in (−π, π] is the angle from n to the heading. The largest approach of a unit-speed arc is at
-/// s = 0, at s = T, or where the heading is square to n.
-pub fn approach_exact(phi_rad: f64, omega_radps: f64, period_s: f64) -> Approach {
-    let at = |s: f64| -chord_factor(omega_radps, s) * cos(phi_rad + 0.5 * omega_radps * s);
+/// The largest approach of a unit-speed arc is at s = 0, at s = T, or where the heading is square to n. The way
+/// along n is (sin(φ + ωs) − sin φ)/ω; up to where the heading is square it is (1 − |sin φ|)/|ω|, without
+/// cancellation cos² φ/(1 + |sin φ|)/|ω|, and no angle is needed.
+pub fn approach_exact(normal: f64, tangent: f64, omega_radps: f64, period_s: f64) -> Approach {
+    let half = 0.5 * omega_radps * period_s;
+    if half.is_nan() || half.abs() >= 0.5 * FAR_RAD {
+        return approach_far(libm::atan2(tangent, normal), omega_radps, period_s);
+    }
+    let (sin, cos) = sincos(half);
+    let chord = period_s * if half.abs() < 1e-4 { sinc(half) } else { sin / half };
+    let end = -chord * (normal * cos - tangent * sin);
+    let mut approach = Approach { forward: end.max(0.0), backward: (-end).max(0.0) };
+    let normal_at_end = normal * (1.0 - 2.0 * sin * sin) - tangent * (2.0 * sin * cos);
+    if normal * normal_at_end < 0.0 {
+        // Of sin φ, what is on the side that it turns to.
+        let side = tangent * omega_radps.signum() * normal.signum();
+        let rest = if side > 0.0 { normal * normal / (1.0 + side) } else { 1.0 - side };
+        let square = -rest.copysign(normal) / omega_radps.abs();
+        approach.forward = approach.forward.max(square);
+        approach.backward = approach.backward.max(-square);
+    }
+    approach
+}
+
+/// The exact form for turns of any size; `phi_rad` in [−π, π] is the angle from n to the heading.
+fn approach_far(phi_rad: f64, omega_radps: f64, period_s: f64) -> Approach {
+    let at = |s: f64| -chord_factor(omega_radps, s) * libm::cos(phi_rad + 0.5 * omega_radps * s);
     let end = at(period_s);
     let mut approach = Approach { forward: end.max(0.0), backward: (-end).max(0.0) };
-    if omega_radps != 0.0 {
-        // After one turn the approach repeats, so the first time at each of the two sides is enough.
-        for square in [1.0, -1.0, 3.0, -3.0, 5.0, -5.0].map(|k| k * FRAC_PI_2) {
-            let s = (square - phi_rad) / omega_radps;
-            if s > 0.0 && s < period_s {
-                let value = at(s);
-                approach.forward = approach.forward.max(value);
-                approach.backward = approach.backward.max(-value);
-            }
+    // After one turn the approach repeats, so the first time at each of the two sides is enough.
+    for square in [1.0, -1.0, 3.0, -3.0, 5.0, -5.0].map(|k| k * FRAC_PI_2) {
+        let s = (square - phi_rad) / omega_radps;
+        if s > 0.0 && s < period_s {
+            let value = at(s);
+            approach.forward = approach.forward.max(value);
+            approach.backward = approach.backward.max(-value);
         }
     }
     approach
@@ -91,12 +115,30 @@ mod tests {
             let n = Vec2::new(bearing.cos(), bearing.sin());
             let truth = sampled_approach(theta, n, v, omega, t);
             let phi = crate::geometry::wrap(theta - bearing);
-            let exact = approach_exact(phi, omega, t);
+            let exact = approach_exact(phi.cos(), phi.sin(), omega, t);
             let linear = approach_linear(phi.cos(), phi.sin(), omega.abs(), t);
             let of = |a: Approach| if v >= 0.0 { a.forward * v } else { a.backward * -v };
             prop_assert!(of(exact) >= truth - 1e-12);
             prop_assert!(of(exact) <= truth + 1e-5 * (1.0 + v.abs()), "{} {truth}", of(exact));
             prop_assert!(of(linear) >= of(exact) - 1e-12, "{} {}", of(linear), of(exact));
+        }
+
+        /// Without an angle the form is what it is by the angles at which the heading is square to n, also where it
+        /// all but is at an end of the period and where it hardly turns.
+        #[test]
+        fn the_form_for_small_turns_is_that_for_all(
+            phi in prop_oneof![
+                -3.1..3.1f64,
+                (prop_oneof![Just(-FRAC_PI_2), Just(FRAC_PI_2)], -1e-3..1e-3f64, 0..5).prop_map(|(at, by, scale)| {
+                    at + by * 1e-3f64.powi(scale)
+                })
+            ],
+            turn in prop_oneof![-3.0..3.0f64, -1e-3..1e-3f64, -1e-9..1e-9f64, Just(0.0)], t in 0.001..1.0f64,
+        ) {
+            let (omega, (sin, cos)) = (turn / t, libm::sincos(phi));
+            let (near, far) = (approach_exact(cos, sin, omega, t), approach_far(phi, omega, t));
+            prop_assert!((near.forward - far.forward).abs() <= 2e-15 * t, "{near:?} {far:?}");
+            prop_assert!((near.backward - far.backward).abs() <= 2e-15 * t, "{near:?} {far:?}");
         }
     }
 }

@@ -1,5 +1,6 @@
 use crate::config::{ControllerConfig, Profile};
-use crate::geometry::{cos, sincos};
+use crate::geometry::{Vec2, sincos, unit};
+use std::f64::consts::PI;
 
 /// The finite-time decrease of Definition 2: Q(V) = min{V, c₃ V^α}.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,16 +94,22 @@ impl Decrease {
 
     /// Q_θ for the heading error `e_rad` when one step turns at most `reach_rad`.
     pub fn heading(&self, e_rad: f64, reach_rad: f64) -> f64 {
-        self.heading_from(1.0 - cos(e_rad), e_rad, reach_rad)
+        let error = unit(e_rad);
+        self.heading_at(lyapunov_heading(error), error, &self.asked_of(reach_rad))
     }
 
-    /// Q_θ for the Lyapunov function `v` of the heading error.
-    fn heading_from(&self, v: f64, e_rad: f64, reach_rad: f64) -> f64 {
+    /// The turn that is asked for of a step that turns at most `reach_rad`.
+    fn asked_of(&self, reach_rad: f64) -> Turn {
         match *self {
-            Self::FiniteTime { law, alignment } => {
-                let rest = (e_rad.abs() - reach_rad * alignment).max(0.0);
-                law.decrease_to(v, v - (1.0 - cos(rest)))
-            }
+            Self::FiniteTime { alignment, .. } => Turn::of(reach_rad * alignment),
+            Self::Printed(_) | Self::Exponential { .. } => Turn::of(reach_rad),
+        }
+    }
+
+    /// Q_θ where the Lyapunov function is `v` and the heading error has this cosine and sine.
+    fn heading_at(&self, v: f64, error: Vec2, asked: &Turn) -> f64 {
+        match *self {
+            Self::FiniteTime { law, .. } => law.decrease_to(v, asked.fall(v, error)),
             Self::Printed(law) => law.decrease(v),
             Self::Exponential { c3 } => c3 * v,
         }
@@ -124,6 +131,38 @@ impl Decrease {
             z = (z - self.position((2.0 * z).sqrt(), reach_m)).max(0.0);
         }
         None
+    }
+}
+
+/// 1 − cos e of an error with this cosine and sine: never negative, and no less exact for small errors.
+fn lyapunov_heading(error: Vec2) -> f64 {
+    if error.x > 0.0 { error.y * error.y / (1.0 + error.x) } else { 1.0 - error.x }
+}
+
+/// A turn of at most a half turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Turn {
+    cos: f64,
+    sin: f64,
+    /// 1 − cos.
+    versine: f64,
+}
+
+impl Turn {
+    fn of(angle_rad: f64) -> Self {
+        let angle_rad = angle_rad.min(PI);
+        let ((sin, cos), (half, _)) = (sincos(angle_rad), sincos(0.5 * angle_rad));
+        Self { cos, sin, versine: 2.0 * half * half }
+    }
+
+    /// cos(max(0, |e| − turn)).
+    fn cos_after(&self, error: Vec2) -> f64 {
+        if error.x >= self.cos { 1.0 } else { error.x * self.cos + error.y.abs() * self.sin }
+    }
+
+    /// By how much the turn lowers 1 − cos e, which is `v`.
+    fn fall(&self, v: f64, error: Vec2) -> f64 {
+        if error.x >= self.cos { v } else { error.y.abs() * self.sin - error.x * self.versine }
     }
 }
 
@@ -166,28 +205,56 @@ pub struct HeadingCertificate {
 }
 
 impl HeadingCertificate {
-    /// The certificate with the printed H = √cos e, 0 beyond a right angle where it is imaginary:
-    /// a Taylor value, not a bound.
+    /// [`HeadingLaw::printed`] at the heading error `e_rad`.
     pub fn printed(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
-        let bound = Self::new(e_rad, period_s, turn_rate_radps, decrease);
-        Self { curvature: period_s * period_s * cos(e_rad).max(0.0), ..bound }
+        HeadingLaw::new(period_s, turn_rate_radps, *decrease).printed(unit(e_rad))
     }
 
-    /// The certificate at the heading error `e_rad` in (−π, π].
+    /// [`HeadingLaw::certificate`] at the heading error `e_rad`.
+    pub fn new(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
+        HeadingLaw::new(period_s, turn_rate_radps, *decrease).certificate(unit(e_rad))
+    }
+}
+
+/// What the heading's certificate is computed from, the same for all robots.
+///
+/// The error e comes as (cos e, sin e): the scalar and the cross product of the heading and the direction of the
+/// reference, as exact as the angle between them and found without it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeadingLaw {
+    period_s: f64,
+    decrease: Decrease,
+    /// What a step can turn, and what it is asked to.
+    reach: Turn,
+    asked: Turn,
+}
+
+impl HeadingLaw {
+    /// For steps of `period_s` that turn by at most `turn_rate_radps`.
+    pub fn new(period_s: f64, turn_rate_radps: f64, decrease: Decrease) -> Self {
+        let reach_rad = turn_rate_radps * period_s;
+        Self { period_s, decrease, reach: Turn::of(reach_rad), asked: decrease.asked_of(reach_rad) }
+    }
+
+    /// The certificate with the printed H = √cos e, 0 beyond a right angle where it is imaginary:
+    /// a Taylor value, not a bound.
+    pub fn printed(&self, error: Vec2) -> HeadingCertificate {
+        let curvature = self.period_s * self.period_s * error.x.max(0.0);
+        HeadingCertificate { curvature, ..self.certificate(error) }
+    }
+
+    /// The certificate at the heading error e.
     ///
     /// H = max(0, cos(max(0, |e| − ω_max T))) bounds the second derivative of 1 − cos(e + Tω) over
     /// every |ω| ≤ ω_max, so the row implies the true decrease. The printed √cos e is imaginary
     /// beyond a right angle, and a Taylor value rather than a bound before it.
-    pub fn new(e_rad: f64, period_s: f64, turn_rate_radps: f64, decrease: &Decrease) -> Self {
-        let reach_rad = turn_rate_radps * period_s;
-        let h = cos((e_rad.abs() - reach_rad).max(0.0)).max(0.0);
-        let (sin, cos) = sincos(e_rad);
-        let lyapunov = 1.0 - cos;
-        Self {
+    pub fn certificate(&self, error: Vec2) -> HeadingCertificate {
+        let lyapunov = lyapunov_heading(error);
+        HeadingCertificate {
             lyapunov,
-            linear: period_s * sin,
-            curvature: period_s * period_s * h,
-            decrease: decrease.heading_from(lyapunov, e_rad, reach_rad),
+            linear: self.period_s * error.y,
+            curvature: self.period_s * self.period_s * self.reach.cos_after(error).max(0.0),
+            decrease: self.decrease.heading_at(lyapunov, error, &self.asked),
         }
     }
 }
@@ -235,6 +302,24 @@ mod tests {
             let v = (d / t).min(v_max);
             let left = row.linear * v + 0.5 * row.curvature * v * v + row.decrease_m2;
             prop_assert!(left <= 1e-12 * (1.0 + d * d), "slack {left}");
+        }
+
+        /// Without the angle they are what they are by it.
+        #[test]
+        fn the_heading_certificate_is_that_of_the_angle(
+            e in prop_oneof![-PI..PI, -1e-3..1e-3f64, -1e-9..1e-9f64],
+            reach in prop_oneof![0.0..0.5f64, 0.5..7.0f64], alignment in 0.1..1.0f64,
+        ) {
+            let law = FiniteTime { c3: 0.5, alpha: 0.6 };
+            let row = HeadingLaw::new(1.0, reach, Decrease::FiniteTime { law, alignment }).certificate(unit(e));
+            let v = 2.0 * (0.5 * e).sin().powi(2);
+            prop_assert!((row.lyapunov - v).abs() <= 1e-15 * v, "{} {v}", row.lyapunov);
+            prop_assert_eq!(row.linear, libm::sin(e));
+            let left = |reach: f64| (e.abs() - reach).max(0.0);
+            prop_assert!((row.curvature - left(reach).cos().max(0.0)).abs() <= 1e-15);
+            let fall = v - 2.0 * (0.5 * left(alignment * reach)).sin().powi(2);
+            prop_assert!((row.decrease - fall.min(law.decrease(v))).abs() <= 1e-15);
+            prop_assert!(row.decrease >= 0.0);
         }
 
         /// The heading row implies the true fall of 1 − cos e for every admissible turn rate.

@@ -13,4 +13,4 @@ pub mod barrier;
 mod lyapunov;
 pub mod robust;
 
-pub use lyapunov::{Decrease, FiniteTime, HeadingCertificate, PositionCertificate};
+pub use lyapunov::{Decrease, FiniteTime, HeadingCertificate, HeadingLaw, PositionCertificate};

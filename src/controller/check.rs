@@ -18,21 +18,16 @@ use crate::model::Command;
 /// Rounding that the check forgives, m.
 const ROUNDING_M: f64 = 1e-11;
 
-/// Largest |v| of `command`'s sign that keeps its share of every gap at its turn rate, for a heading and its unit
-/// vector, m/s.
-pub(super) fn speed_limit_mps(
-    law: &Law,
-    (theta_rad, ahead): (f64, Vec2),
-    bodies: &[Body],
-    command: Command,
-) -> f64 {
+/// Largest |v| of `command`'s sign that keeps its share of every gap at its turn rate, by a robot that heads along
+/// `ahead`, m/s.
+pub(super) fn speed_limit_mps(law: &Law, ahead: Vec2, bodies: &[Body], command: Command) -> f64 {
     let mut limit = law.limits.speed_mps();
     for body in bodies {
         let budget_m = budget_m(body.gap_m, law.control.gamma, body.share);
         if is_out_of_reach(law, ahead, command.omega_radps.abs(), body, budget_m) {
             continue;
         }
-        let approach = approach_at(law, theta_rad, command.omega_radps, body);
+        let approach = approach_at(law, ahead, command.omega_radps, body);
         let rate = if command.v_mps < 0.0 { approach.backward } else { approach.forward };
         if rate > 0.0 {
             limit = limit.min(budget_m / rate);
@@ -113,7 +108,6 @@ mod tests {
     use crate::config::Config;
     use crate::controller::Timing;
     use crate::controller::rows::bodies;
-    use crate::geometry::wrap;
     use crate::model::{Disturbance, Limits};
     use crate::neighbours::Nearby;
     use crate::scenario::Scenario;
@@ -129,8 +123,7 @@ mod tests {
     }
 
     fn speed_limit_mps(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby], command: Command) -> f64 {
-        let theta_rad = fleet[me].theta_rad;
-        super::speed_limit_mps(law, (theta_rad, unit(theta_rad)), &around(law, fleet, me, near), command)
+        super::speed_limit_mps(law, unit(fleet[me].theta_rad), &around(law, fleet, me, near), command)
     }
 
     proptest! {
@@ -188,7 +181,7 @@ mod tests {
             let normal = unit(bearing);
             let body = Body { normal, gap_m: budget, share: 1.0, anywhere: false, blind: 0.0 };
             let arc = Arc { start: Pose::new(1.0, -2.0, theta), v_mps: v, omega_radps: omega };
-            let approach = approach_exact(wrap(theta - bearing), omega, t);
+            let approach = approach_exact((theta - bearing).cos(), (theta - bearing).sin(), omega, t);
             let used = v.abs() * if v < 0.0 { approach.backward } else { approach.forward };
             prop_assume!((used - budget).abs() > 1e-9);
             prop_assert_eq!(keeps_clear(&arc, &body, budget, t), used < budget);

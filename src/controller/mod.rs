@@ -26,6 +26,7 @@ pub use shelf::{PreparedRoute, RouteShelf, RouteWork};
 use crate::audit::Recorder;
 use crate::certificate::barrier::activation_m;
 use crate::certificate::robust::{Margin, Reach};
+use crate::certificate::{Decrease, HeadingLaw};
 use crate::config::{Config, ControllerConfig, Profile, SolverKind};
 use crate::document::names;
 use crate::geometry::{Pose, Way};
@@ -104,6 +105,9 @@ pub fn rows_max(control: &ControllerConfig) -> usize {
 struct Law {
     control: ControllerConfig,
     limits: Limits,
+    /// What the certificates ask for.
+    decrease: Decrease,
+    heading: HeadingLaw,
     guidance: guidance::Params,
     period_s: f64,
     /// From a state to the instant at which its answer acts, s.
@@ -138,11 +142,14 @@ struct Law {
 impl Law {
     fn new(config: &Config) -> Self {
         let (scenario, robots) = (&config.scenario, config.places());
+        let (decrease, period_s) = (Decrease::of(&config.controller), config.timing.period_s());
         Self {
             control: config.controller,
             limits: scenario.limits,
+            decrease,
+            heading: HeadingLaw::new(period_s, scenario.limits.turn_rate_radps(), decrease),
             guidance: config.guidance,
-            period_s: config.timing.period_s(),
+            period_s,
             ahead_s: 0.0,
             tolerance_m: scenario.tolerance_m,
             obstacles: scenario.obstacles.clone(),

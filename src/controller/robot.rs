@@ -3,9 +3,9 @@
 use super::check::{is_safe, speed_limit_mps};
 use super::shelf::{Found, PreparedRoute, RouteShelf};
 use super::{Decision, Law, Workspace, printed, rows};
-use crate::certificate::{Decrease, HeadingCertificate, PositionCertificate};
+use crate::certificate::PositionCertificate;
 use crate::config::{BarrierForm, Profile};
-use crate::geometry::{Vec2, bearing, unit, wrap};
+use crate::geometry::{Vec2, bearing, unit};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Predictions,
     Route,
@@ -311,7 +311,7 @@ impl RobotController {
                 BarrierForm::Exact if !bodies.is_empty() => optimal_turn_rate(programme),
                 _ => 0.0,
             };
-            if !rows::fill(law, (own.theta_rad, ahead), bodies, omega, programme) {
+            if !rows::fill(law, ahead, bodies, omega, programme) {
                 return Err(StopReason::Crowded);
             }
         }
@@ -341,7 +341,7 @@ impl RobotController {
             law.limits.admits(command)
         } else {
             // An interior point solution may stand on the wrong side of a row by its tolerance.
-            let limit = speed_limit_mps(law, (own.theta_rad, ahead), bodies, command);
+            let limit = speed_limit_mps(law, ahead, bodies, command);
             command.v_mps = command.v_mps.clamp(-limit, limit);
             is_safe(law, own.pose(), bodies, command)
         };
@@ -433,18 +433,18 @@ impl RobotController {
             // goal is singular there.
             return (Certificate::default(), Certificate::default());
         }
-        let decrease = Decrease::of(&law.control);
         let offset = aim.reference_m - own.position_m();
         let distance_m = offset.norm();
         let along_m = offset.dot(&ahead);
-        let p = PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &decrease);
-        let error_rad = wrap(own.theta_rad - bearing(offset));
-        let turn_rate = law.limits.turn_rate_radps();
-        let heading = match law.control.profile {
-            Profile::Paper => HeadingCertificate::printed,
-            Profile::Certified | Profile::Exponential => HeadingCertificate::new,
+        let p =
+            PositionCertificate::new(along_m, distance_m, law.period_s, law.limits.v_max_mps, &law.decrease);
+        // Of no direction, the one that has the angle 0.
+        let towards = if distance_m > 0.0 { offset / distance_m } else { Vec2::x() };
+        let error = Vec2::new(towards.dot(&ahead), towards.perp(&ahead));
+        let h = match law.control.profile {
+            Profile::Paper => law.heading.printed(error),
+            Profile::Certified | Profile::Exponential => law.heading.certificate(error),
         };
-        let h = heading(error_rad, law.period_s, turn_rate, &decrease);
         telemetry.lyapunov_position_m2 = p.lyapunov_m2;
         telemetry.decrease_position_m2 = p.decrease_m2;
         telemetry.lyapunov_heading = h.lyapunov;

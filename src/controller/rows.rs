@@ -4,7 +4,7 @@ use super::Law;
 use crate::certificate::barrier::{Approach, activation_m, approach_exact, approach_linear, budget_m};
 use crate::certificate::robust::{Margin, Reach};
 use crate::config::BarrierForm;
-use crate::geometry::{Vec2, bearing, unit, wrap};
+use crate::geometry::{Vec2, unit};
 use crate::neighbours::Nearby;
 use crate::programme::{Programme, Row};
 use crate::wire::{RobotState, state_flags};
@@ -167,35 +167,36 @@ pub(super) fn bodies<'a>(
     robots.chain(ways).chain(obstacles)
 }
 
-/// How fast a body is approached by unit speed at the turn rate `omega_radps`.
-pub(super) fn approach(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
+/// How fast a body is approached by unit speed along `ahead` at the turn rate `omega_radps`.
+pub(super) fn approach(law: &Law, ahead: Vec2, omega_radps: f64, body: &Body) -> Approach {
     if let Some(margin) = &law.margin {
-        return approach_disturbed(margin, theta_rad, body);
+        return approach_disturbed(margin, ahead, body);
     }
     match law.control.barrier {
         BarrierForm::Linear if !body.anywhere => {
-            let (n, h) = (body.normal, unit(theta_rad));
-            approach_linear(n.dot(&h), n.perp(&h), law.limits.turn_rate_radps(), law.period_s)
+            let n = body.normal;
+            approach_linear(n.dot(&ahead), n.perp(&ahead), law.limits.turn_rate_radps(), law.period_s)
         }
-        _ => approach_at(law, theta_rad, omega_radps, body),
+        _ => approach_at(law, ahead, omega_radps, body),
     }
 }
 
 /// The form for robots that are disturbed: whatever the turn rates, for all time.
-fn approach_disturbed(margin: &Margin, theta_rad: f64, body: &Body) -> Approach {
+fn approach_disturbed(margin: &Margin, ahead: Vec2, body: &Body) -> Approach {
     let blind = if body.anywhere { 1.0 } else { body.blind };
-    margin.approach(body.normal.dot(&unit(theta_rad)), body.gap_m, blind)
+    margin.approach(body.normal.dot(&ahead), body.gap_m, blind)
 }
 
 /// The exact form, whatever the programme used; that for disturbed robots where they are.
-pub(super) fn approach_at(law: &Law, theta_rad: f64, omega_radps: f64, body: &Body) -> Approach {
+pub(super) fn approach_at(law: &Law, ahead: Vec2, omega_radps: f64, body: &Body) -> Approach {
     if let Some(margin) = &law.margin {
-        return approach_disturbed(margin, theta_rad, body);
+        return approach_disturbed(margin, ahead, body);
     }
     if body.anywhere {
         return Approach { forward: law.period_s, backward: law.period_s };
     }
-    approach_exact(wrap(theta_rad - bearing(body.normal)), omega_radps, law.period_s)
+    let n = body.normal;
+    approach_exact(n.dot(&ahead), n.perp(&ahead), omega_radps, law.period_s)
 }
 
 /// The [`bodies`] around the robot `me`; none when there are more than `room`, which `found` has at least.
@@ -239,10 +240,10 @@ pub(super) fn is_out_of_reach(
     law.margin.is_none() && !body.anywhere && towards_m(law, ahead, turn_rate_radps, body) <= budget_m
 }
 
-/// Fills the safety and comfort rows for a heading and its unit vector; false when there is no room for all of them.
+/// Fills the safety and comfort rows of a robot that heads along `ahead`; false when there is no room for all of them.
 pub(super) fn fill(
     law: &Law,
-    (theta_rad, ahead): (f64, Vec2),
+    ahead: Vec2,
     bodies: &[Body],
     omega_radps: f64,
     programme: &mut Programme,
@@ -256,7 +257,7 @@ pub(super) fn fill(
         if is_out_of_reach(law, ahead, turn_rate_radps, body, budget_m(body.gap_m, rate, body.share)) {
             continue;
         }
-        let approach = approach(law, theta_rad, omega_radps, body);
+        let approach = approach(law, ahead, omega_radps, body);
         let safety = budget_m(body.gap_m, law.control.gamma, body.share);
         let comfort = budget_m(body.gap_m, law.control.comfort_gamma, body.share);
         let mut push = |coefficient: f64, speed_mps: f64| {
@@ -303,8 +304,8 @@ mod tests {
             let turn_rate = if exact { omega.abs() } else { law.limits.turn_rate_radps() };
             let used = |a: Approach| if v < 0.0 { -v * a.backward } else { v * a.forward };
             if is_out_of_reach(&law, unit(theta), turn_rate, &body, budget) {
-                prop_assert!(used(approach(&law, theta, omega, &body)) <= budget + 1e-12);
-                prop_assert!(used(approach_at(&law, theta, omega, &body)) <= budget + 1e-12);
+                prop_assert!(used(approach(&law, unit(theta), omega, &body)) <= budget + 1e-12);
+                prop_assert!(used(approach_at(&law, unit(theta), omega, &body)) <= budget + 1e-12);
             }
             let anywhere = Body { anywhere: true, ..body };
             prop_assert!(!is_out_of_reach(&law, unit(theta), turn_rate, &anywhere, budget));

@@ -212,7 +212,9 @@ mod tests {
         let odd =
             [0.0, -0.0, 1.0, -1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324, 1e-310, f64::MAX];
         for y in odd {
-            odd.into_iter().for_each(|x| same_angle(y, x));
+            for x in odd {
+                same_angle(y, x);
+            }
         }
     }
 
