@@ -109,7 +109,7 @@ mod tests {
     use crate::controller::Timing;
     use crate::controller::rows::bodies;
     use crate::model::{Disturbance, Limits};
-    use crate::neighbours::Nearby;
+    use crate::neighbours::{NO_PLACE, Nearby};
     use crate::scenario::Scenario;
     use crate::wire::{RobotState, state_flags};
     use proptest::prelude::*;
@@ -157,6 +157,7 @@ mod tests {
                     distance_m: (fleet[index].position_m() - fleet[me].position_m()).norm(),
                     id: fleet[index].id,
                     index,
+                    place: NO_PLACE,
                 }).collect();
                 let stop = Command { v_mps: 0.0, omega_radps: turn * law.limits.turn_rate_radps() };
                 prop_assert!(is_safe(&law, &fleet, me, &near, stop), "{me}");
@@ -165,7 +166,7 @@ mod tests {
                 let ahead = fleet[me].pose();
                 let p = ahead.position_m + ahead.heading() * 0.1;
                 touching[other].set_pose(Pose::new(p.x, p.y, 0.0));
-                let near = [Nearby { distance_m: 0.1, id: fleet[other].id, index: other }];
+                let near = [Nearby { distance_m: 0.1, id: fleet[other].id, index: other, place: NO_PLACE }];
                 let drive = Command { v_mps: law.limits.v_max_mps, omega_radps: 0.0 };
                 prop_assert!(!is_safe(&law, &touching, me, &near, drive), "{me}");
                 prop_assert!(is_safe(&law, &touching, me, &near, stop), "{me}");
@@ -250,7 +251,7 @@ mod tests {
         }
         let mut law = Law::new(&config);
         law.prepare(&fleet, Timing::default());
-        let near = [Nearby { distance_m, id: fleet[1].id, index: 1 }];
+        let near = [Nearby { distance_m, id: fleet[1].id, index: 1, place: NO_PLACE }];
         (law, fleet, near)
     }
 

@@ -19,6 +19,7 @@ mod robots;
 mod rows;
 mod seat;
 mod shelf;
+mod told;
 
 pub use robots::Robots;
 pub use shelf::{PreparedRoute, RouteShelf, RouteWork};
@@ -30,7 +31,7 @@ use crate::certificate::{Decrease, HeadingLaw};
 use crate::config::{Config, ControllerConfig, Profile, SolverKind};
 use crate::document::names;
 use crate::geometry::{Pose, Way};
-use crate::guidance::{self, Neighbour, Predictions};
+use crate::guidance::{self, Listed, Predictions};
 use crate::model::{Disturbance, Limits, Obstacle};
 use crate::neighbours::{Neighbourhood, Sight, Surroundings};
 use crate::programme::{Programme, Solution};
@@ -132,6 +133,8 @@ struct Law {
     /// m: of this period's states.
     largest_radius_m: f64,
     unknown_m: f64,
+    /// How far the largest look.
+    largest_sight: Sight,
     /// Length of the longest way on which one of ours may stand, m; `None` when none may.
     longest_way_m: Option<f64>,
     /// Indices of the robots that everybody looks at however far: those that are not ours, and one of
@@ -161,6 +164,7 @@ impl Law {
             lost_m: 0.0,
             largest_radius_m: 0.0,
             unknown_m: 0.0,
+            largest_sight: Sight { all_m: 0.0, nearest_m: 0.0, nearest: 0 },
             longest_way_m: None,
             strangers: Vec::with_capacity(robots),
             foreign_speed_mps: (0..robots)
@@ -191,6 +195,7 @@ impl Law {
         self.longest_way_m = on_its_way.map(|robot| self.way_m(robot)).reduce(f64::max);
         let unseen_m = self.find_strangers(fleet);
         self.unknown_m = self.untrusted_m.max(unseen_m + way_m) + self.lost_m;
+        self.largest_sight = self.sight_of_radius(self.largest_radius_m);
     }
 
     /// Lists the strangers of this period, and notes the largest radius of all; the largest uncertainty of the
@@ -271,7 +276,13 @@ impl Law {
     }
 
     /// How far a robot of this radius looks: for every row that can bind, and for the guidance.
+    #[inline]
     fn sight(&self, radius_m: f64) -> Sight {
+        // Most often all are of one size.
+        if radius_m == self.largest_radius_m { self.largest_sight } else { self.sight_of_radius(radius_m) }
+    }
+
+    fn sight_of_radius(&self, radius_m: f64) -> Sight {
         let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
         let robots_m = self.rows_m(required + self.unknown_m, 0.5);
         let ways_m = self.longest_way_m.map_or(0.0, |way_m| {
@@ -310,7 +321,7 @@ struct Workspace {
     around: Surroundings,
     near: Neighbourhood,
     /// Those of them that the guidance is shown.
-    neighbours: [Neighbour; guidance::NEIGHBOURS_MAX],
+    listed: Listed,
     predictions: Predictions,
     /// Those whose rows can bind, and obstacles.
     bodies: Vec<rows::Body>,
@@ -394,7 +405,7 @@ impl RobotGroup {
             workspace: Workspace {
                 around: Surroundings::with_capacity(robots, cell_m),
                 near: Neighbourhood::with_capacity(robots),
-                neighbours: [Neighbour::default(); guidance::NEIGHBOURS_MAX],
+                listed: Listed::default(),
                 predictions: Predictions::for_robots(robots),
                 bodies: Vec::with_capacity(bodies_max),
                 programme: Programme::with_capacity(control.weights.at(config.timing.period_s()), rows),

@@ -2,13 +2,13 @@
 
 use super::check::{is_safe, speed_limit_mps};
 use super::shelf::{Found, PreparedRoute, RouteShelf};
+use super::told::{shows, told};
 use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::PositionCertificate;
 use crate::config::{BarrierForm, Profile};
 use crate::geometry::{Vec2, bearing, unit};
 use crate::guidance::{
-    self, Ego, Guidance, Intent, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView, Predictions,
-    Route,
+    self, Ego, Guidance, Intent, Listed, Memory, OBSTACLES_MAX, ObstacleView, Predictions, Route,
 };
 use crate::model::{Command, RobotId};
 use crate::neighbours::Nearby;
@@ -57,61 +57,6 @@ struct Aim {
     holding: bool,
 }
 
-/// An intent as it is told to the others.
-fn told(intent: &Intent, waypoint_m: Vec2) -> RobotIntent {
-    RobotIntent {
-        heading_rad: intent.heading_rad,
-        speed_mps: intent.speed_mps,
-        blocked_s: intent.blocked_s,
-        target_x_m: intent.target_m.x,
-        target_y_m: intent.target_m.y,
-        waypoint_x_m: waypoint_m.x,
-        waypoint_y_m: waypoint_m.y,
-        rank: intent.rank,
-        valid: 1,
-    }
-}
-
-/// Another robot as the guidance sees it. Before its first intent it is taken to drive to its goal, and
-/// a foreign one, of which nothing is known, to stand.
-#[inline]
-fn seen(law: &Law, own: &RobotState, other: &RobotState, index: usize, foreign: bool) -> Neighbour {
-    let (position_m, goal_m) = (other.position_m(), other.goal_m());
-    let (intent, target_m) = if other.intent.valid == 1 {
-        let i = &other.intent;
-        let intent = Intent {
-            heading_rad: i.heading_rad,
-            speed_mps: i.speed_mps,
-            blocked_s: i.blocked_s,
-            target_m: Vec2::new(i.target_x_m, i.target_y_m),
-            rank: i.rank,
-        };
-        (intent, Vec2::new(i.waypoint_x_m, i.waypoint_y_m))
-    } else {
-        let to = goal_m - position_m;
-        let intent = Intent {
-            heading_rad: bearing(to),
-            speed_mps: law.limits.v_max_mps,
-            blocked_s: 0.0,
-            target_m: goal_m,
-            rank: other.id,
-        };
-        (intent, goal_m)
-    };
-    Neighbour {
-        id: other.id,
-        index,
-        position_m,
-        heading_rad: other.theta_rad,
-        v_mps: other.v_mps,
-        omega_radps: other.omega_radps,
-        target_m,
-        required_distance_m: law.limits.safety_margin_m + own.radius_m + other.radius_m + 2.0 * law.noise_m(),
-        arrived: foreign || arrived(law, other),
-        intent,
-    }
-}
-
 /// No guidance: the goal itself at full speed.
 fn straight(goal_m: Vec2, v_max_mps: f64) -> Guidance {
     Guidance {
@@ -133,10 +78,6 @@ fn stands(own: &RobotState) -> Option<StopReason> {
         (state_flags::PAUSED, StopReason::Paused),
     ];
     reasons.into_iter().find(|(flag, _)| own.has(*flag)).map(|(_, reason)| reason)
-}
-
-fn arrived(law: &Law, robot: &RobotState) -> bool {
-    (robot.position_m() - robot.goal_m()).norm() <= law.tolerance_m
 }
 
 impl RobotController {
@@ -282,7 +223,7 @@ impl RobotController {
         }
         let near = work.near.list();
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
-        let aim = self.aim(law, fleet, near, (&mut work.neighbours, &mut work.predictions));
+        let aim = self.aim(law, fleet, near, (&mut work.listed, &mut work.predictions));
         Self::note(law, &aim, telemetry);
 
         let ahead = unit(own.theta_rad);
@@ -363,7 +304,7 @@ impl RobotController {
         law: &Law,
         fleet: &[RobotState],
         near: &[Nearby],
-        (neighbours, predictions): (&mut [Neighbour; NEIGHBOURS_MAX], &mut Predictions),
+        (listed, predictions): (&mut Listed, &mut Predictions),
     ) -> Aim {
         let own = &fleet[self.index];
         let here = own.position_m();
@@ -381,11 +322,9 @@ impl RobotController {
                 guidance: straight(self.goal_m, law.limits.v_max_mps),
             };
         }
-        let mut count = 0;
-        for (slot, n) in neighbours.iter_mut().zip(near) {
-            *slot = seen(law, own, &fleet[n.index], n.index, law.foreign_speed_mps[n.index].is_some());
-            count += 1;
-        }
+        let keep_m = law.limits.safety_margin_m + own.radius_m;
+        let show = |index: usize| shows(law, &fleet[index], law.foreign_speed_mps[index].is_some());
+        let shown = listed.list(here, near, &show, |radius_m| keep_m + radius_m + 2.0 * doubt_m);
         self.near_views.clear();
         self.near_views.extend(self.views.iter().filter(|o| o.clearance(here).1 < OBSTACLE_RANGE_M));
         self.near_views.sort_unstable_by(|a, b| a.clearance(here).1.total_cmp(&b.clearance(here).1));
@@ -409,7 +348,7 @@ impl RobotController {
         };
         let guidance = guidance::guide(
             &ego,
-            &neighbours[..count],
+            &shown,
             &self.near_views,
             &limits,
             &law.guidance,
@@ -494,6 +433,7 @@ mod tests {
     use crate::config::Config;
     use crate::controller::{RobotGroup, Timing};
     use crate::evaluation::initial_fleet;
+    use crate::neighbours::NO_PLACE;
     use crate::scenario::Scenario;
     use crate::wire::telemetry_flags;
 
@@ -512,7 +452,12 @@ mod tests {
             }
             law.prepare(&fleet, Timing::default());
             let away_m = [0.7, 0.75, 0.9 - 0.02 * k as f64, 0.91];
-            let near = [1, 2, 3, 4].map(|index| Nearby { distance_m: away_m[index - 1], id: 0, index });
+            let near = [1, 2, 3, 4].map(|index| Nearby {
+                distance_m: away_m[index - 1],
+                id: 0,
+                index,
+                place: NO_PLACE,
+            });
             let left = near.map(|n| {
                 n.distance_m - law.limits.safety_margin_m - fleet[0].radius_m - fleet[n.index].radius_m
             });

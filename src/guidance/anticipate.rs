@@ -15,12 +15,11 @@ use super::Params;
 use super::direction::unit;
 use super::predict::{Predictions, align};
 use super::scene::Scene;
-use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView, Plan};
+use super::shown::Shown;
+use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, ObstacleView, Plan};
 use super::{bypass, roundabout};
 use crate::geometry::{Vec2, rotate};
 
-/// Share by which a square is enlarged so that rounding cannot lose a neighbour.
-const ROUNDING: f64 = 1e-9;
 /// Least share of `parked_margin_m` after long going around.
 const PATIENCE_MIN: f64 = 0.05;
 /// This near to its target a robot in a crowd decides every time.
@@ -33,7 +32,7 @@ const STANDOFF_RANGE_M: f64 = 1.5;
 /// The normal case: turn the target by the way around parked robots or by the roundabout, then choose the best candidate.
 pub(super) fn drive(
     ego: &Ego,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     obstacles: &[ObstacleView],
     queue_mps: Option<f64>,
     limits: &Limits,
@@ -63,13 +62,10 @@ pub(super) fn drive(
     v = v.min(arc_speed(h, to_target, to_target.norm(), limits, params));
     // Stop short of contact while not blocked, so that there is room left to slip aside.
     let calm = (1.0 - memory.progress.blocked_s / params.blocked_enter_s.max(limits.period_s)).max(0.0);
-    for n in neighbours {
-        // From here on it does not slow, whichever way it is: the speed that it leaves only grows.
-        let from_m = n.required_distance_m + params.standoff_m * calm + v / params.row_rate;
-        if (ego.position_m - n.position_m).norm_squared() > from_m * from_m * (1.0 + ROUNDING) {
-            continue;
-        }
-        let seen = n.seen_from(ego.position_m);
+    // From there on nobody slows it, whichever way he is: the speed that he leaves only grows.
+    let slowing = neighbours.within(params.standoff_m * calm + v / params.row_rate);
+    for lane in slowing {
+        let seen = neighbours.at(lane).bearing();
         let closing = -h.dot(&seen.normal);
         if seen.gap_m < STANDOFF_RANGE_M && closing > 1e-6 {
             v = v.min(params.row_rate * (seen.gap_m - params.standoff_m * calm).max(0.0) / closing);
@@ -109,10 +105,10 @@ pub(super) fn arc_speed(h: Vec2, to: Vec2, left: f64, limits: &Limits, params: &
 
 /// Whether a robot in a crowd keeps to what it decided. Nobody gets far there in a few periods, and who decides at
 /// another time than those around it sees what they have decided.
-fn holds(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &Params, memory: &mut Memory) -> bool {
-    let near = |p: Vec2, m: f64| (p - ego.position_m).norm_squared() < m * m;
-    let crowded = neighbours.get(NEIGHBOURS_MAX - 1).is_some_and(|n| near(n.position_m, params.crowd_m))
-        && !near(ego.target_m, CROWD_TARGET_M);
+fn holds(ego: &Ego, neighbours: &Shown, limits: &Limits, params: &Params, memory: &mut Memory) -> bool {
+    let near = |apart_m: Vec2, m: f64| apart_m.norm_squared() < m * m;
+    let crowded = near(neighbours.at(NEIGHBOURS_MAX - 1).apart_m, params.crowd_m)
+        && !near(ego.target_m - ego.position_m, CROWD_TARGET_M);
     if !crowded {
         memory.crowded_s = 0.0;
         return false;

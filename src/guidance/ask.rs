@@ -5,7 +5,8 @@
 
 use super::Params;
 use super::direction::unit;
-use super::types::{Drive, Ego, Limits, Memory, Neighbour};
+use super::shown::Shown;
+use super::types::{Drive, Ego, Limits, Memory};
 
 /// Published as `Intent::blocked_s` while asking.
 pub(super) const ASKING_S: f64 = 100.0;
@@ -17,7 +18,7 @@ const CLOSING_MIN: f64 = 0.2;
 pub(super) fn drive(
     ego: &Ego,
     bearing_rad: f64,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     limits: &Limits,
     params: &Params,
     memory: &mut Memory,
@@ -29,12 +30,12 @@ pub(super) fn drive(
     let aligned = (libm::cos(bearing_rad - ego.heading_rad) - ALIGNED_COS) / (1.0 - ALIGNED_COS);
     let h = unit(ego.heading_rad);
     let mut v = limits.v_max_mps * aligned.max(0.0);
-    for n in neighbours {
-        let seen = n.seen_from(ego.position_m);
+    for n in neighbours.iter() {
+        let seen = n.bearing();
         let closing = -h.dot(&seen.normal);
         if closing > CLOSING_MIN {
             // One that stands beside the goal cannot leave it free.
-            let blocks = n.required_distance_m < (n.position_m - ego.target_m).norm();
+            let blocks = n.required_m < (neighbours.who(n.lane).position_m - ego.target_m).norm();
             v = v.min(params.row_rate * (seen.gap_m - if blocks { room * closing } else { 0.0 }).max(0.0));
         }
     }

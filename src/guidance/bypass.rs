@@ -5,7 +5,8 @@
 //! the neighbours given.
 
 use super::Params;
-use super::types::{Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour};
+use super::shown::Shown;
+use super::types::{Ego, Limits, Memory, NEIGHBOURS_MAX, Seen};
 use crate::geometry::{Vec2, wrap};
 use core::f64::consts::PI;
 
@@ -28,14 +29,14 @@ struct Edge {
 /// Angle from the target to the edge to steer for; 0 when the straight way is free.
 pub(super) fn rotation(
     ego: &Ego,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     limits: &Limits,
     params: &Params,
     memory: &mut Memory,
 ) -> f64 {
     let to_target = ego.target_m - ego.position_m;
     let around = &mut memory.around;
-    let Some(first) = neighbours.iter().position(|n| n.arrived && blocks(ego, to_target, n)) else {
+    let Some(first) = neighbours.parked().find(|lane| blocks(to_target, &neighbours.at(*lane))) else {
         around.free_s += limits.period_s;
         if around.free_s > SIDE_MEMORY_S {
             around.side = 0.0;
@@ -52,7 +53,7 @@ pub(super) fn rotation(
     }
     let pass_gap = if around.spent_s > params.squeeze_s { SQUEEZE_GAP_M } else { params.pass_gap_m };
     let bearing = libm::atan2(to_target.y, to_target.x);
-    let (left, right) = edges(ego, to_target, bearing, neighbours, first, pass_gap, params);
+    let (left, right) = edges(to_target, bearing, neighbours, first, pass_gap, params);
 
     // The turn itself costs time: a radian of it is worth as much as this much way.
     let per_radian = 0.5 * limits.v_max_mps / limits.omega_max_radps;
@@ -72,10 +73,9 @@ pub(super) fn rotation(
 
 /// Left and right edge of the cluster that contains `first`.
 fn edges(
-    ego: &Ego,
     to_target: Vec2,
     bearing: f64,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     first: usize,
     pass_gap: f64,
     params: &Params,
@@ -84,16 +84,17 @@ fn edges(
     let mut queue = [0usize; NEIGHBOURS_MAX];
     let (mut head, mut tail) = (0, 1);
     queue[0] = first;
-    let offset = neighbours[first].position_m - ego.position_m;
+    let offset = -neighbours.at(first).apart_m;
     angle[first] = wrap(libm::atan2(offset.y, offset.x) - bearing);
     let mut left = Edge { angle_rad: f64::NEG_INFINITY, length_m: 0.0 };
     let mut right = Edge { angle_rad: f64::INFINITY, length_m: 0.0 };
     while head < tail {
         let a = queue[head];
         head += 1;
-        let here = neighbours[a].position_m - ego.position_m;
+        let from = neighbours.at(a);
+        let here = -from.apart_m;
         let d = here.norm().max(1e-6);
-        let half = libm::asin(((neighbours[a].required_distance_m + params.bypass_room_m) / d).min(1.0));
+        let half = libm::asin(((from.required_m + params.bypass_room_m) / d).min(1.0));
         let length_m = d + (to_target - here).norm();
         if angle[a] + half > left.angle_rad {
             left = Edge { angle_rad: angle[a] + half, length_m };
@@ -101,12 +102,13 @@ fn edges(
         if angle[a] - half < right.angle_rad {
             right = Edge { angle_rad: angle[a] - half, length_m };
         }
-        for (b, other) in neighbours.iter().enumerate() {
-            if !other.arrived || !angle[b].is_nan() {
+        for b in neighbours.parked() {
+            if !angle[b].is_nan() {
                 continue;
             }
-            let there = other.position_m - ego.position_m;
-            let need = neighbours[a].required_distance_m + other.required_distance_m;
+            let other = neighbours.at(b);
+            let there = -other.apart_m;
+            let need = from.required_m + other.required_m;
             if (there - here).norm() < need + pass_gap {
                 // Unwrapped along the cluster, so that a ring around the robot reads as more than a half turn.
                 angle[b] = angle[a] + libm::atan2(here.perp(&there), here.dot(&there));
@@ -119,12 +121,11 @@ fn edges(
 }
 
 /// Whether the straight way to the target comes too near to this parked robot.
-fn blocks(ego: &Ego, to_target: Vec2, n: &Neighbour) -> bool {
-    let offset = n.position_m - ego.position_m;
+fn blocks(to_target: Vec2, n: &Seen) -> bool {
+    let offset = -n.apart_m;
     let s = (offset.dot(&to_target) / to_target.norm_squared().max(1e-12)).clamp(0.0, 1.0);
     let near = (to_target * s - offset).norm();
     // Neither the start nor the target can be farther away than it is.
-    let needed =
-        (n.required_distance_m + ROOM_M).min((offset - to_target).norm() - 0.01).min(offset.norm() - 0.001);
+    let needed = (n.required_m + ROOM_M).min((offset - to_target).norm() - 0.01).min(n.distance_m - 0.001);
     near < needed
 }

@@ -1,6 +1,6 @@
 //! Contact: a heading into something that is touched is no motion, so it is made tangential and slightly outward.
 
-use super::types::{Drive, Ego, Neighbour, ObstacleView};
+use super::types::{Drive, Ego, ObstacleView, Seen};
 use crate::geometry::{Vec2, bearing};
 
 /// Outward part of the direction at contact.
@@ -12,7 +12,7 @@ const CREEP_M: f64 = 0.05;
 pub(super) fn slide(
     ego: &Ego,
     drive: &Drive,
-    neighbours: &[Neighbour],
+    neighbours: impl Iterator<Item = Seen>,
     obstacles: &[ObstacleView],
 ) -> (f64, Vec2) {
     let mut direction = drive.direction;
@@ -29,7 +29,7 @@ pub(super) fn slide(
         changed = true;
     };
     for n in neighbours {
-        let seen = n.seen_from(ego.position_m);
+        let seen = n.bearing();
         touch(seen.normal, seen.gap_m);
     }
     for o in obstacles {

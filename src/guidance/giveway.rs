@@ -5,7 +5,8 @@
 //! Ranks are ids, so that a finite group always has one robot nobody asks to move. Bounded: 16 directions x 3 lengths.
 
 use super::Params;
-use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Way};
+use super::shown::Shown;
+use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Seen, Way};
 use crate::geometry::{Vec2, bearing, closest_point_on_segment, unit, wrap};
 
 const DIRECTIONS: u32 = 16;
@@ -24,7 +25,7 @@ const PATH_M: f64 = 2.5;
 /// Starts, continues or ends giving way; the spot to go to while it lasts.
 pub(super) fn spot(
     ego: &Ego,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     obstacles: &[ObstacleView],
     limits: &Limits,
     params: &Params,
@@ -33,9 +34,11 @@ pub(super) fn spot(
     let way = &mut memory.way;
     if way.left_s > 0.0 {
         way.left_s -= limits.period_s;
-        let needed = neighbours
-            .iter()
-            .any(|n| n.intent.rank == way.rank && !n.arrived && n.seen_from(ego.position_m).gap_m < GONE_M);
+        let needed = neighbours.iter().any(|n| {
+            n.bearing().gap_m < GONE_M
+                && !neighbours.is_parked(n.lane)
+                && neighbours.who(n.lane).intent.rank == way.rank
+        });
         if way.left_s > 0.0 && needed {
             return Some(way.spot_m);
         }
@@ -48,22 +51,24 @@ pub(super) fn spot(
         return None;
     }
     let wait = if ego.arrived { params.parked_wait_s } else { params.give_way_after_s };
-    let mut chosen: Option<&Neighbour> = None;
-    for n in neighbours {
+    let mut chosen: Option<(Neighbour, Seen)> = None;
+    for lane in neighbours.waiting(wait) {
+        let (n, seen) = (neighbours.who(lane), neighbours.at(lane));
+        let rank = n.intent.rank;
         // A parked robot makes way for everybody, the others for higher ranks.
-        if n.arrived || n.intent.blocked_s < wait || (n.intent.rank >= ego.id && !ego.arrived) {
+        if rank >= ego.id && !ego.arrived {
             continue;
         }
-        let seen = n.seen_from(ego.position_m);
-        if seen.gap_m > params.give_way_reach_m || seen.normal.dot(&ahead(n)) < 0.0 {
+        let from = seen.bearing();
+        if from.gap_m > params.give_way_reach_m || from.normal.dot(&ahead(&n)) < 0.0 {
             continue;
         }
-        if chosen.is_none_or(|c| n.intent.rank < c.intent.rank) {
-            chosen = Some(n);
+        if chosen.is_none_or(|(c, _)| rank < c.intent.rank) {
+            chosen = Some((n, seen));
         }
     }
-    let other = chosen?;
-    let spot_m = best_spot(ego, other, neighbours, obstacles, limits)?;
+    let (other, seen) = chosen?;
+    let spot_m = best_spot(ego, (&other, seen.required_m), neighbours, obstacles, limits)?;
     *way = Way { left_s: params.give_way_s, rest_s: 0.0, rank: other.intent.rank, spot_m };
     Some(spot_m)
 }
@@ -86,8 +91,8 @@ fn ahead(n: &Neighbour) -> Vec2 {
 
 fn best_spot(
     ego: &Ego,
-    other: &Neighbour,
-    neighbours: &[Neighbour],
+    (other, required_m): (&Neighbour, f64),
+    neighbours: &Shown,
     obstacles: &[ObstacleView],
     limits: &Limits,
 ) -> Option<Vec2> {
@@ -108,16 +113,15 @@ fn best_spot(
                 for o in obstacles {
                     room = room.min(o.clearance(p).1);
                 }
-                for n in neighbours {
-                    room = room.min((n.position_m - p).norm() - n.required_distance_m);
+                for n in neighbours.iter() {
+                    room = room.min((neighbours.who(n.lane).position_m - p).norm() - n.required_m);
                 }
             }
             if room < -0.005 {
                 continue;
             }
-            let aside = (closest_point_on_segment(end, other.position_m, other.position_m + path) - end)
-                .norm()
-                - other.required_distance_m;
+            let from_m = other.position_m;
+            let aside = (closest_point_on_segment(end, from_m, from_m + path) - end).norm() - required_m;
             let turn = wrap(angle - ego.heading_rad).abs() / limits.omega_max_radps;
             let score = 3.0 * aside.min(0.4) + 0.5 * room.min(0.3) - 0.15 * turn - 0.1 * length;
             if score > best_score {
@@ -130,13 +134,13 @@ fn best_spot(
 }
 
 /// Whether this direction moves away from everything the robot touches.
-fn leaves_contacts(ego: &Ego, direction: Vec2, neighbours: &[Neighbour], obstacles: &[ObstacleView]) -> bool {
+fn leaves_contacts(ego: &Ego, direction: Vec2, neighbours: &Shown, obstacles: &[ObstacleView]) -> bool {
     let free = |normal: Vec2, gap: f64| gap > CONTACT_M || direction.dot(&normal) > 0.02;
     obstacles.iter().all(|o| {
         let (normal, gap) = o.clearance(ego.position_m);
         free(normal, gap)
     }) && neighbours.iter().all(|n| {
-        let seen = n.seen_from(ego.position_m);
+        let seen = n.bearing();
         free(seen.normal, seen.gap_m)
     })
 }

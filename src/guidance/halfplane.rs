@@ -4,7 +4,8 @@
 //! When x* is shorter than η‖x_pref‖, x_pref is turned clockwise until it is not; the angle is remembered and decays.
 
 use super::Params;
-use super::types::{Drive, Ego, Limits, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView};
+use super::shown::Shown;
+use super::types::{Drive, Ego, Limits, NEIGHBOURS_MAX, OBSTACLES_MAX, ObstacleView};
 use crate::geometry::{Vec2, bearing, rotate, sincos, unit, wrap};
 
 const PLANES_MAX: usize = NEIGHBOURS_MAX + OBSTACLES_MAX;
@@ -29,7 +30,7 @@ struct Plane {
 /// Decides by the right-hand rule; `beta_rad` is the clockwise turn remembered.
 pub(super) fn drive(
     ego: &Ego,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     obstacles: &[ObstacleView],
     limits: &Limits,
     params: &Params,
@@ -37,13 +38,12 @@ pub(super) fn drive(
 ) -> Drive {
     let mut planes = [Plane { normal: Vec2::new(1.0, 0.0), offset: 0.0 }; PLANES_MAX];
     let mut count = 0;
-    for n in neighbours {
-        let offset = ego.position_m - n.position_m;
-        let d = offset.norm();
+    for n in neighbours.iter() {
+        let (offset, d) = (n.apart_m, n.distance_m);
         if !(1e-9..=RANGE_M).contains(&d) {
             continue;
         }
-        let gap = d - n.required_distance_m - params.plane_margin_m;
+        let gap = d - n.required_m - params.plane_margin_m;
         planes[count] = Plane { normal: offset / d, offset: -(0.5 * params.plane_gain * gap).max(0.0) };
         count += 1;
     }
@@ -77,10 +77,9 @@ pub(super) fn drive(
     let direction = if wanted > 1e-6 { best / wanted } else { rotate(toward, c, s) };
     // Exactly tangential at contact is not motion: lean outward.
     let mut lean = Vec2::new(0.0, 0.0);
-    for n in neighbours {
-        let offset = ego.position_m - n.position_m;
-        let d = offset.norm();
-        let gap = d - n.required_distance_m;
+    for n in neighbours.iter() {
+        let (offset, d) = (n.apart_m, n.distance_m);
+        let gap = d - n.required_m;
         if d > 1e-9 && gap < LEAN_M {
             lean += offset * ((1.0 - gap / LEAN_M) / d);
         }

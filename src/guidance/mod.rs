@@ -34,11 +34,13 @@ mod rollout;
 mod roundabout;
 mod route;
 mod scene;
+mod shown;
 mod types;
 
 pub use crate::config::GuidanceParams as Params;
 pub use predict::Predictions;
 pub use route::{Route, RouteBuilder};
+pub use shown::{Listed, Shown};
 pub use types::{
     Ego, Guidance, Intent, Limits, Memory, NEIGHBOURS_MAX, Neighbour, OBSTACLES_MAX, ObstacleView,
 };
@@ -48,17 +50,17 @@ use types::Progress;
 /// A robot without progress for longer is counted as stalled.
 const STALLED_S: f64 = 1.0;
 
-/// Decides for one robot and one tick. `neighbours` and `obstacles`: nearest first, the id breaking ties.
+/// Decides for one robot and one tick. `neighbours`, listed for where it is, and `obstacles`: nearest first, the id
+/// breaking ties.
 pub fn guide(
     ego: &Ego,
-    neighbours: &[Neighbour],
+    neighbours: &Shown,
     obstacles: &[ObstacleView],
     limits: &Limits,
     params: &Params,
     predictions: &mut Predictions,
     memory: &mut Memory,
 ) -> Guidance {
-    let neighbours = &neighbours[..neighbours.len().min(NEIGHBOURS_MAX)];
     let obstacles = &obstacles[..obstacles.len().min(OBSTACLES_MAX)];
     let to_target = ego.target_m - ego.position_m;
     let bearing = bearing(to_target);
@@ -90,8 +92,8 @@ pub fn guide(
         anticipate::drive(ego, neighbours, obstacles, queue, limits, params, predictions, memory)
     };
 
-    let touching = if memory.progress.still_s > params.slide_after_s { neighbours } else { &[] };
-    let (heading_rad, direction) = contact::slide(ego, &drive, touching, obstacles);
+    let touching = if memory.progress.still_s > params.slide_after_s { neighbours.len() } else { 0 };
+    let (heading_rad, direction) = contact::slide(ego, &drive, neighbours.iter().take(touching), obstacles);
     memory.intent = Intent {
         heading_rad,
         speed_mps: drive.intent_speed_mps,

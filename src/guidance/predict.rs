@@ -9,7 +9,8 @@
 use super::Params;
 use super::direction::unit_single;
 use super::lanes::{WIDTH, Wide, least, most, single};
-use super::types::{Limits, Neighbour};
+use super::shown::Shown;
+use super::types::{Limits, NEIGHBOURS_MAX, Neighbour};
 use crate::geometry::wrap;
 
 /// Steps of the prediction.
@@ -26,7 +27,8 @@ pub(super) struct Path {
 #[derive(Debug, Clone)]
 pub struct Predictions {
     period: u32,
-    /// The period in which each path was worked out.
+    robots: usize,
+    /// By place in the order of the ground, then by lane for those that have none; the period in which each path was worked out.
     known: Vec<u32>,
     paths: Vec<Path>,
 }
@@ -35,7 +37,8 @@ impl Predictions {
     /// With room for a fleet of `robots`.
     pub fn for_robots(robots: usize) -> Self {
         let nowhere = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
-        Self { period: 0, known: vec![0; robots], paths: vec![nowhere; robots] }
+        let places = robots + NEIGHBOURS_MAX;
+        Self { period: 0, robots, known: vec![0; places], paths: vec![nowhere; places] }
     }
 
     /// Forgets the last period.
@@ -47,13 +50,15 @@ impl Predictions {
         }
     }
 
-    /// Works out where `neighbours` will be, as far as nobody has asked before; several side by side.
-    pub(super) fn learn(&mut self, neighbours: &[Neighbour], turn: Turn, params: &Params) {
+    /// Works out where the first `count` neighbours will be, as far as nobody has asked before; several side by side.
+    pub(super) fn learn(&mut self, neighbours: &Shown, count: usize, turn: Turn, params: &Params) {
         let mut row = Row::empty();
-        for n in neighbours {
-            if self.known[n.index] != self.period {
-                self.known[n.index] = self.period;
-                row.push(n, params);
+        for lane in 0..count {
+            let place = self.place(neighbours, lane);
+            // Who has no place is another one each time.
+            if self.known[place] != self.period || place >= self.robots {
+                self.known[place] = self.period;
+                row.push(place, &neighbours.who(lane), params);
                 if row.count == WIDTH {
                     row.drive(turn, params, &mut self.paths);
                 }
@@ -62,9 +67,13 @@ impl Predictions {
         row.drive(turn, params, &mut self.paths);
     }
 
-    /// Where the robot of this index will be, once it has been worked out.
-    pub(super) fn of(&self, index: usize) -> &Path {
-        &self.paths[index]
+    /// Where the neighbour of this lane will be, once it has been worked out.
+    pub(super) fn of(&self, neighbours: &Shown, lane: usize) -> &Path {
+        &self.paths[self.place(neighbours, lane)]
+    }
+
+    fn place(&self, neighbours: &Shown, lane: usize) -> usize {
+        (neighbours.place(lane) as usize).min(self.robots + lane)
     }
 }
 
@@ -108,7 +117,7 @@ struct Places {
 /// stays there.
 struct Row {
     count: usize,
-    index: [usize; WIDTH],
+    place: [usize; WIDTH],
     heading_rad: Wide,
     published_rad: Wide,
     target_x_m: Wide,
@@ -121,7 +130,7 @@ impl Row {
         let none = [0.0; WIDTH];
         Self {
             count: 0,
-            index: [0; WIDTH],
+            place: [0; WIDTH],
             heading_rad: none,
             published_rad: none,
             target_x_m: none,
@@ -130,9 +139,9 @@ impl Row {
         }
     }
 
-    fn push(&mut self, n: &Neighbour, params: &Params) {
+    fn push(&mut self, place: usize, n: &Neighbour, params: &Params) {
         let lane = self.count;
-        self.index[lane] = n.index;
+        self.place[lane] = place;
         let to = n.intent.target_m - n.position_m;
         self.heading_rad[lane] = single(wrap(n.heading_rad));
         self.published_rad[lane] = single(wrap(n.intent.heading_rad));
@@ -151,7 +160,7 @@ impl Row {
         let mut places = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
         self.steps(turn, params, &mut places);
         for lane in 0..self.count {
-            let path = &mut paths[self.index[lane]];
+            let path = &mut paths[self.place[lane]];
             for k in 0..STEPS {
                 (path.x_m[k], path.y_m[k]) = (places.x_m[k][lane], places.y_m[k][lane]);
             }
@@ -233,6 +242,7 @@ impl Row {
 mod tests {
     use super::*;
     use crate::geometry::Vec2;
+    use crate::guidance::shown::with_all;
     use crate::guidance::types::Intent;
     use proptest::prelude::*;
 
@@ -276,23 +286,27 @@ mod tests {
             let (limits, params) =
                 (Limits { v_max_mps: 5.0, omega_max_radps: 1.0, period_s: 0.08 }, Params::default());
             let turn = Turn::new(&limits, &params);
-            let neighbours: Vec<Neighbour> = robots.iter().enumerate().map(|(index, robot)| {
+            let neighbours: Vec<Neighbour> = robots.iter().map(|robot| {
                 let ((x, y, theta), (heading_rad, speed_mps, away), kind) = *robot;
                 let position_m = Vec2::new(x, y);
                 let target_m = if kind == 1 { position_m } else { Vec2::new(away, y + 0.5 * away) };
                 let intent = Intent { heading_rad, speed_mps, target_m, ..Intent::default() };
-                Neighbour { index, position_m, heading_rad: theta, arrived: kind == 0, intent, ..Neighbour::default() }
+                Neighbour { position_m, heading_rad: theta, arrived: kind == 0, intent, ..Neighbour::default() }
             }).collect();
             let mut predictions = Predictions::for_robots(neighbours.len());
             predictions.begin();
             // Some of them first: what is known stays.
-            predictions.learn(&neighbours[neighbours.len() / 2..], turn, &params);
-            predictions.learn(&neighbours, turn, &params);
-            for n in &neighbours {
-                prop_assert_eq!(format!("{:?}", predictions.of(n.index)), format!("{:?}", predict(n, turn, &params)));
-            }
+            with_all(Vec2::zeros(), 0.45, &neighbours, |shown| {
+                predictions.learn(shown, neighbours.len() / 2, turn, &params);
+                predictions.learn(shown, neighbours.len(), turn, &params);
+                for (lane, n) in neighbours.iter().enumerate() {
+                    let path = format!("{:?}", predictions.of(shown, lane));
+                    prop_assert_eq!(path, format!("{:?}", predict(n, turn, &params)));
+                }
+                Ok(())
+            })?;
             let mut row = Row::empty();
-            neighbours.iter().take(WIDTH).for_each(|n| row.push(n, &params));
+            neighbours.iter().take(WIDTH).enumerate().for_each(|(place, n)| row.push(place, n, &params));
             let mut all = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
             let mut wide = all;
             row.steps_of_all(turn, &params, &mut all);

@@ -3,7 +3,8 @@
 //! Without it everybody pushes to the opening and nobody has room left to turn.
 
 use super::Params;
-use super::types::{Ego, Neighbour};
+use super::shown::Shown;
+use super::types::Ego;
 use crate::geometry::unit;
 
 /// Two waypoints nearer than this are the same opening.
@@ -15,7 +16,7 @@ const AHEAD_M: f64 = 1.5;
 const CLOSING_MIN: f64 = 0.3;
 
 /// Speed that keeps the gap to those ahead, or `None` when nobody is.
-pub(super) fn speed_cap(ego: &Ego, neighbours: &[Neighbour], params: &Params) -> Option<f64> {
+pub(super) fn speed_cap(ego: &Ego, neighbours: &Shown, params: &Params) -> Option<f64> {
     // The target is the goal: no opening ahead.
     if ego.beyond_m <= 0.0 {
         return None;
@@ -23,13 +24,13 @@ pub(super) fn speed_cap(ego: &Ego, neighbours: &[Neighbour], params: &Params) ->
     let h = unit(ego.heading_rad);
     let mine = (ego.target_m - ego.position_m).norm();
     let mut cap: Option<f64> = None;
-    for n in neighbours {
-        if n.arrived || (n.target_m - ego.target_m).norm() > SAME_PLACE_M {
+    for n in neighbours.iter() {
+        let (who, theirs) = (neighbours.who(n.lane), neighbours.towards_target(n.lane).norm());
+        if who.arrived || (who.target_m - ego.target_m).norm() > SAME_PLACE_M {
             continue;
         }
-        let theirs = (n.target_m - n.position_m).norm();
-        let ahead = theirs + EQUAL_M < mine || (theirs <= mine + EQUAL_M && n.id < ego.id);
-        let seen = n.seen_from(ego.position_m);
+        let ahead = theirs + EQUAL_M < mine || (theirs <= mine + EQUAL_M && who.id < ego.id);
+        let seen = n.bearing();
         let closing = -h.dot(&seen.normal);
         if !ahead || seen.gap_m > AHEAD_M || closing < CLOSING_MIN {
             continue;

@@ -13,14 +13,15 @@
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::Params;
-use super::types::{Ego, Limits, NEIGHBOURS_MAX, Neighbour};
+use super::shown::Shown;
+use super::types::{Ego, Limits, NEIGHBOURS_MAX};
 use crate::geometry::Vec2;
 
 /// Share of the horizon over which a conflict fades in.
 const FADE: f64 = 0.3;
 
 /// Clockwise rotation of the target, rad, in [0, `lane_beta_max_rad`].
-pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, params: &Params) -> f64 {
+pub(super) fn rotation(ego: &Ego, neighbours: &Shown, limits: &Limits, params: &Params) -> f64 {
     let to = ego.target_m - ego.position_m;
     let left = to.norm();
     if left < 1e-6 {
@@ -28,7 +29,7 @@ pub(super) fn rotation(ego: &Ego, neighbours: &[Neighbour], limits: &Limits, par
     }
     let mine = to * (limits.v_max_mps / left);
     let my_time = left / limits.v_max_mps;
-    let meetings = Meetings::of(ego, neighbours, mine, my_time, limits, params);
+    let meetings = Meetings::of(neighbours, mine, my_time, limits, params);
     let (mut left_side, mut right_side) = (Side::default(), Side::default());
     for at in 0..NEIGHBOURS_MAX {
         if !meetings.matters[at] {
@@ -80,22 +81,16 @@ struct Meetings {
 
 impl Meetings {
     /// Of all of them side by side, without a branch: which of them matter is hard to guess.
-    fn of(
-        ego: &Ego,
-        neighbours: &[Neighbour],
-        mine: Vec2,
-        my_time: f64,
-        limits: &Limits,
-        params: &Params,
-    ) -> Self {
+    fn of(neighbours: &Shown, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
         let none = [0.0; NEIGHBOURS_MAX];
         let (mut x, mut y, mut to_x, mut to_y, mut lane_m) = (none, none, none, none, none);
         let mut drives = [false; NEIGHBOURS_MAX];
-        for (at, n) in neighbours.iter().take(NEIGHBOURS_MAX).enumerate() {
-            (x[at], y[at]) = (n.position_m.x - ego.position_m.x, n.position_m.y - ego.position_m.y);
-            (to_x[at], to_y[at]) = (n.target_m.x - n.position_m.x, n.target_m.y - n.position_m.y);
-            lane_m[at] = n.required_distance_m + params.lane_gap_m;
-            drives[at] = !n.arrived;
+        for (at, n) in neighbours.iter().enumerate() {
+            (x[at], y[at]) = (-n.apart_m.x, -n.apart_m.y);
+            let to_target = neighbours.towards_target(at);
+            (to_x[at], to_y[at]) = (to_target.x, to_target.y);
+            lane_m[at] = n.required_m + params.lane_gap_m;
+            drives[at] = !neighbours.is_parked(at);
         }
         let v_max = limits.v_max_mps;
         let mut all =

@@ -15,7 +15,8 @@ use super::lanes::{Row, WIDTH, single};
 use super::others::Others;
 use super::predict::{Predictions, STEPS, Turn};
 use super::rollout::ON_TARGET_M;
-use super::types::{Ego, Limits, Neighbour, ObstacleView, Plan};
+use super::shown::Shown;
+use super::types::{Ego, Limits, ObstacleView, Plan};
 use crate::geometry::{Vec2, bearing, wrap};
 
 /// Share of the times that rounding may take off the bound of a cost; four times what it does.
@@ -86,7 +87,7 @@ impl<'a> Scene<'a> {
     pub(super) fn new(
         ego: &'a Ego,
         target: Vec2,
-        neighbours: &[Neighbour],
+        neighbours: &Shown,
         obstacles: &'a [ObstacleView],
         limits: &Limits,
         params: &'a Params,
@@ -110,19 +111,15 @@ impl<'a> Scene<'a> {
             scale,
             others: Others::none(),
         };
-        let seen = |n: &&Neighbour| (n.position_m - ego.position_m).norm().max(1e-6) <= params.range_m;
-        let neighbours = &neighbours[..neighbours.iter().take_while(seen).count()];
-        predictions.learn(neighbours, turn, params);
-        for n in neighbours {
-            let margin_m = if n.arrived { params.parked_margin_m * patience } else { params.prox_margin_m };
-            let slow_m = n.required_distance_m + limits.v_max_mps / params.row_rate;
-            scene.others.push(
-                n.position_m - ego.position_m,
-                [n.required_distance_m, margin_m, slow_m],
-                params,
-            );
+        let count = neighbours.iter().take_while(|n| n.distance_m.max(1e-6) <= params.range_m).count();
+        predictions.learn(neighbours, count, turn, params);
+        for n in neighbours.iter().take(count) {
+            let parked = neighbours.is_parked(n.lane);
+            let margin_m = if parked { params.parked_margin_m * patience } else { params.prox_margin_m };
+            let slow_m = n.required_m + limits.v_max_mps / params.row_rate;
+            scene.others.push(-n.apart_m, [n.required_m, margin_m, slow_m], params);
         }
-        scene.others.lay(|lane| neighbours.get(lane).map(|n| predictions.of(n.index)));
+        scene.others.lay(|lane| (lane < count).then(|| predictions.of(neighbours, lane)));
         scene
     }
 
@@ -204,7 +201,8 @@ impl<'a> Scene<'a> {
 mod tests {
     use super::*;
     use crate::guidance::rollout::LANDED_M;
-    use crate::guidance::types::{Intent, NEIGHBOURS_MAX};
+    use crate::guidance::shown::with_all;
+    use crate::guidance::types::{Intent, NEIGHBOURS_MAX, Neighbour};
     use crate::model::Obstacle;
     use proptest::prelude::*;
 
@@ -327,13 +325,13 @@ mod tests {
                 id: 1, position_m: here, heading_rad, target_m, beyond_m: 0.0, v_mps: 1.0, omega_radps: 0.0,
                 arrived: false,
             };
-            let neighbours: Vec<Neighbour> = places.iter().enumerate().map(|(index, (x, y, heading_rad, kind))| {
+            let neighbours: Vec<Neighbour> = places.iter().map(|(x, y, heading_rad, kind)| {
                 let position_m = here + Vec2::new(*x, *y);
                 let target_m = position_m + unit(*heading_rad) * 5.0;
                 let intent =
                     Intent { heading_rad: *heading_rad, speed_mps: 2.0, target_m, ..Intent::default() };
                 Neighbour {
-                    index, position_m, heading_rad: *heading_rad, target_m, required_distance_m: 0.45, intent,
+                    position_m, heading_rad: *heading_rad, target_m, intent,
                     arrived: *kind == 0, ..Neighbour::default()
                 }
             }).collect();
@@ -348,8 +346,9 @@ mod tests {
             }).collect();
             let mut predictions = Predictions::for_robots(neighbours.len());
             predictions.begin();
+            with_all(here, 0.45, &neighbours, |shown| {
             let scene = Scene::new(
-                &ego, target_m, &neighbours, &obstacles, &limits, &params, &mut predictions, patience,
+                &ego, target_m, shown, &obstacles, &limits, &params, &mut predictions, patience,
             );
             let (wide, narrow) = (scene.best(previous_rad), scene.best_of_all(previous_rad));
             prop_assert_eq!(format!("{wide:?}"), format!("{narrow:?}"));
@@ -360,6 +359,8 @@ mod tests {
                 prop_assert_eq!(format!("{half:?}"), format!("{narrow:?}"));
             }
             prop_assert_eq!(format!("{wide:?}"), format!("{:?}", best_one_by_one(&scene, previous_rad)));
+            Ok(())
+            })?;
         }
     }
 }

@@ -43,45 +43,50 @@ pub struct Intent {
     pub rank: u32,
 }
 
-/// Another robot, from the same snapshot.
-#[derive(Clone, Copy, Debug, Default)]
+/// Another robot, from the same snapshot: the same for all who see it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Neighbour {
-    /// Its id.
-    pub id: u32,
-    /// Its place in [`Predictions`](super::Predictions).
-    pub index: usize,
     /// Position, m.
     pub position_m: Vec2,
-    /// Heading, rad.
-    pub heading_rad: f64,
-    /// Speed in force, m/s.
-    pub v_mps: f64,
-    /// Turn rate in force, rad/s.
-    pub omega_radps: f64,
     /// Its goal, or the waypoint it is heading for.
     pub target_m: Vec2,
-    /// Required centre distance ρ_ij.
-    pub required_distance_m: f64,
+    /// Radius of its body, m.
+    pub radius_m: f64,
+    /// Its id.
+    pub id: u32,
     /// Inside the tolerance of its goal.
     pub arrived: bool,
     /// What it published last tick.
     pub intent: Intent,
+    /// Heading, rad.
+    pub heading_rad: f64,
 }
 
-/// Where a neighbour is, seen from a point.
+/// A neighbour as the robot that decides sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// Which of the neighbours it is.
+    pub(super) lane: usize,
+    /// From it to the robot, m, and how far that is.
+    pub(super) apart_m: Vec2,
+    pub(super) distance_m: f64,
+    /// Required centre distance ρ_ij.
+    pub(super) required_m: f64,
+}
+
+/// Where a neighbour is, seen from the robot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bearing {
-    /// Unit vector from the neighbour to the point (n_ij).
+    /// Unit vector from the neighbour to the robot (n_ij).
     pub normal: Vec2,
     /// Distance beyond the required one.
     pub gap_m: f64,
 }
 
-impl Neighbour {
-    pub(super) fn seen_from(&self, p: Vec2) -> Bearing {
-        let offset = p - self.position_m;
-        let distance_m = offset.norm().max(1e-6);
-        Bearing { normal: offset / distance_m, gap_m: distance_m - self.required_distance_m }
+impl Seen {
+    pub(super) fn bearing(&self) -> Bearing {
+        let distance_m = self.distance_m.max(1e-6);
+        Bearing { normal: self.apart_m / distance_m, gap_m: distance_m - self.required_m }
     }
 }
 

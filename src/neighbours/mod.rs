@@ -24,7 +24,12 @@ pub struct Nearby {
     pub id: u32,
     /// Its index in the fleet.
     pub index: usize,
+    /// Its place in the order of the ground, where those near each other are near; [`NO_PLACE`] for one that was added.
+    pub place: u32,
 }
+
+/// Larger than every place.
+pub const NO_PLACE: u32 = u32::MAX;
 
 /// A fleet's positions, sorted by place. Free places are nowhere.
 #[derive(Debug, Clone)]
@@ -134,7 +139,7 @@ pub struct Neighbourhood {
 }
 
 /// What a place of a list holds before somebody does.
-const NOBODY: Nearby = Nearby { distance_m: 0.0, id: 0, index: 0 };
+const NOBODY: Nearby = Nearby { distance_m: 0.0, id: 0, index: 0, place: NO_PLACE };
 
 impl Neighbourhood {
     /// With room for a fleet of `robots`.
@@ -181,7 +186,7 @@ impl Neighbourhood {
     /// Lists one more robot, in its place, if it is within `range_m` of robot `me` and not listed yet.
     pub fn add(&mut self, fleet: &[RobotState], me: usize, index: usize, range_m: f64) {
         let distance_m = (fleet[index].position_m() - fleet[me].position_m()).norm_squared().sqrt();
-        let new = Nearby { distance_m, id: fleet[index].id, index };
+        let new = Nearby { distance_m, id: fleet[index].id, index, place: NO_PLACE };
         if index == me || distance_m > range_m || self.list().iter().any(|n| n.index == index) {
             return;
         }
@@ -213,8 +218,8 @@ impl Neighbourhood {
     /// Lists those found, nearest first.
     fn sort(&mut self, around: &Surroundings) {
         let near = |at: u32, distance_m: f64| {
-            let at = at as usize;
-            Nearby { distance_m, id: around.ids[at], index: around.sorted[at] as usize }
+            let (place, at) = (at, at as usize);
+            Nearby { distance_m, id: around.ids[at], index: around.sorted[at] as usize, place }
         };
         let (places, squares_m2) = (self.found.places(), self.found.squares_m2());
         let count = places.len();
@@ -331,11 +336,17 @@ mod tests {
                 })
                 .collect();
             let reach = Sight { all_m, nearest_m, nearest };
+            let mut around = Surroundings::with_capacity(fleet.len(), 1.0);
+            around.build(&fleet);
+            let place = |index: usize| {
+                (0..).zip(&around.sorted).find(|(_, sorted)| **sorted as usize == index).unwrap().0
+            };
             for (me, own) in fleet.iter().enumerate() {
                 let mut brute: Vec<Nearby> = fleet.iter().enumerate()
                     .filter(|(index, _)| *index != me)
                     .map(|(index, other)| Nearby {
                         distance_m: (other.position_m() - own.position_m()).norm(), id: other.id, index,
+                        place: place(index),
                     })
                     .filter(|n| n.distance_m <= all_m.max(nearest_m))
                     .collect();
