@@ -6,7 +6,7 @@ use super::told::{shows, told};
 use super::{Decision, Law, Workspace, printed, rows};
 use crate::certificate::PositionCertificate;
 use crate::config::{BarrierForm, Profile};
-use crate::geometry::{Vec2, bearing, unit};
+use crate::geometry::{Vec2, unit};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Listed, Memory, OBSTACLES_MAX, ObstacleView, Predictions, Route,
 };
