@@ -98,28 +98,53 @@ impl Area {
     }
 }
 
-/// Where the candidates of a row are, and their headings.
+/// Where the candidates of a row are, their headings, and how far it is from there to the target.
 #[derive(Clone, Copy)]
 pub(super) struct Motion {
     pub(super) x: Wide,
     pub(super) y: Wide,
     pub(super) hx: Wide,
     pub(super) hy: Wide,
+    pub(super) left: Wide,
 }
 
 impl Motion {
-    #[inline(always)]
-    pub(super) fn join(&mut self, alive: u32, with: usize) {
-        for wide in [&mut self.x, &mut self.y, &mut self.hx, &mut self.hy] {
-            join(wide, alive, with);
+    /// The lanes that are not `alive` are as the first that is.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn joined(mut self, alive: u32) -> Self {
+        for wide in [&mut self.x, &mut self.y, &mut self.hx, &mut self.hy, &mut self.left] {
+            join(wide, alive);
         }
+        self
     }
 }
 
-/// The lanes that are not `alive` become as lane `with`.
-#[inline(always)]
-pub(super) fn join(wide: &mut Wide, alive: u32, with: usize) {
-    let one = wide[with];
+/// What tells candidates from each other.
+#[derive(Clone, Copy)]
+pub(super) struct Ways {
+    pub(super) direction_x: Wide,
+    pub(super) direction_y: Wide,
+    /// Of the full speed, and one less than one over it.
+    pub(super) share: Wide,
+    pub(super) slower: Wide,
+}
+
+impl Ways {
+    /// The lanes that are not `alive` are as the first that is.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn joined(mut self, alive: u32) -> Self {
+        for wide in [&mut self.direction_x, &mut self.direction_y, &mut self.share, &mut self.slower] {
+            join(wide, alive);
+        }
+        self
+    }
+}
+
+/// The lanes that are not `alive` become as the first that is.
+fn join(wide: &mut Wide, alive: u32) {
+    let one = wide[alive.trailing_zeros() as usize % WIDTH];
     for (lane, number) in wide.iter_mut().enumerate() {
         *number = if (alive >> lane) & 1 == 0 { one } else { *number };
     }
@@ -129,44 +154,23 @@ pub(super) fn join(wide: &mut Wide, alive: u32, with: usize) {
 pub(super) struct Row {
     pub(super) count: usize,
     pub(super) rank: [usize; WIDTH],
-    pub(super) direction_x: Wide,
-    pub(super) direction_y: Wide,
-    pub(super) share: Wide,
+    pub(super) ways: Ways,
     pub(super) cost: Wide,
 }
 
 impl Row {
     pub(super) fn empty() -> Self {
         let none = [0.0; WIDTH];
-        Self {
-            count: 0,
-            rank: [0; WIDTH],
-            direction_x: none,
-            direction_y: none,
-            share: [1.0; WIDTH],
-            cost: none,
-        }
+        let ways = Ways { direction_x: none, direction_y: none, share: none, slower: none };
+        Self { count: 0, rank: [0; WIDTH], ways, cost: none }
     }
 
-    /// Lanes without a candidate go with the first.
-    #[inline(always)]
-    pub(super) fn fill(&mut self) {
-        self.join((1 << self.count) - 1, 0);
-    }
-
-    /// What steers the lanes that are not `alive` is what steers lane `with`.
-    #[inline(always)]
-    pub(super) fn join(&mut self, alive: u32, with: usize) {
-        for wide in [&mut self.direction_x, &mut self.direction_y, &mut self.share] {
-            join(wide, alive, with);
-        }
-    }
-
-    pub(super) fn push(&mut self, rank: usize, (x, y): (f32, f32), share: f32, base: f32) {
+    pub(super) fn push(&mut self, rank: usize, (x, y): (f32, f32), (share, slower): (f32, f32), base: f32) {
         let lane = self.count;
         self.rank[lane] = rank;
-        (self.direction_x[lane], self.direction_y[lane]) = (x, y);
-        (self.share[lane], self.cost[lane]) = (share, base);
+        (self.ways.direction_x[lane], self.ways.direction_y[lane]) = (x, y);
+        (self.ways.share[lane], self.ways.slower[lane]) = (share, slower);
+        self.cost[lane] = base;
         self.count += 1;
     }
 }
@@ -183,17 +187,17 @@ mod tests {
             x in prop::array::uniform16(-3.0..3.0f32),
             y in prop::array::uniform16(-3.0..3.0f32),
             holds in prop::array::uniform16(any::<bool>()),
-            with in 0..WIDTH,
         ) {
             let alive = bits(holds);
             prop_assert_eq!(Which(alive).collect::<Vec<_>>(), (0..WIDTH).filter(|lane| holds[*lane]).collect::<Vec<_>>());
             let area = Area::around(&x, &y);
             let ends = |wide: &Wide| (wide.iter().copied().fold(f32::MAX, least), wide.iter().copied().fold(f32::MIN, most));
             prop_assert_eq!(((area.min_x, area.max_x), (area.min_y, area.max_y)), (ends(&x), ends(&y)));
+            let with = alive.trailing_zeros() as usize;
             let mut joined = x;
-            join(&mut joined, alive, with);
+            join(&mut joined, alive);
             for lane in 0..WIDTH {
-                prop_assert_eq!(joined[lane], if holds[lane] { x[lane] } else { x[with] });
+                prop_assert_eq!(joined[lane], if holds[lane] { x[lane] } else { x[with % WIDTH] });
             }
         }
     }

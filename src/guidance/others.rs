@@ -100,19 +100,19 @@ impl Others {
         Which(bits(near))
     }
 
-    /// Those that may come close to a robot that goes up to `reach_m` from somewhere in `from` in step `k`: all that do,
-    /// and some that do not.
+    /// Those that may come close to a robot that goes from somewhere in `from` to somewhere in `to` in step `k`: all that
+    /// do, and some that do not.
     #[inline(always)]
-    pub(super) fn passing(&self, from: &Area, reach_m: f32, k: usize) -> Which {
+    pub(super) fn passing(&self, from: &Area, to: &Area, k: usize) -> Which {
         let (x0, y0, x1, y1) = (&self.x_m[k], &self.y_m[k], &self.x_m[k + 1], &self.y_m[k + 1]);
         let mut near = [false; NEIGHBOURS_MAX];
         for lane in 0..NEIGHBOURS_MAX {
             // Seen from the neighbour, the way lies in the rectangle around both of its ends.
-            let min_x = from.min_x - most(x0[lane], x1[lane] + reach_m);
-            let max_x = from.max_x - least(x0[lane], x1[lane] - reach_m);
-            let min_y = from.min_y - most(y0[lane], y1[lane] + reach_m);
-            let max_y = from.max_y - least(y0[lane], y1[lane] - reach_m);
-            let (dx, dy) = (most(most(min_x, -max_x), 0.0), most(most(min_y, -max_y), 0.0));
+            let min_x = least(from.min_x - x0[lane], to.min_x - x1[lane]);
+            let max_x = least(x0[lane] - from.max_x, x1[lane] - to.max_x);
+            let min_y = least(from.min_y - y0[lane], to.min_y - y1[lane]);
+            let max_y = least(y0[lane] - from.max_y, y1[lane] - to.max_y);
+            let (dx, dy) = (most(most(min_x, max_x), 0.0), most(most(min_y, max_y), 0.0));
             near[lane] = dx * dx + dy * dy < self.close_m2[lane];
         }
         Which(bits(near))
@@ -181,7 +181,7 @@ mod tests {
             prop_assert!(slowing.is_sorted() && all_slowing.iter().all(|lane| slowing.contains(lane)));
             // In a single point nobody is named without reason.
             prop_assert_eq!(others.slowing(&area(p, 0.0), k).collect::<Vec<_>>(), all_slowing);
-            let passing: Vec<usize> = others.passing(&area(p, width), dx.abs().max(dy.abs()), k).collect();
+            let passing: Vec<usize> = others.passing(&area(p, width), &area(next, width), k).collect();
             prop_assert!(passing.is_sorted() && passing.iter().all(|lane| *lane < count));
             for lane in 0..count {
                 let wide = |(x, y): (f32, f32)| Vec2::new(f64::from(x), f64::from(y));

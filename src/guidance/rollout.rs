@@ -5,7 +5,7 @@
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::candidates::Best;
-use super::lanes::{Area, Motion, Row, WIDTH, Which, Wide, bits, join, least, most, single};
+use super::lanes::{Area, Motion, Row, WIDTH, Ways, Which, Wide, bits, least, most, single};
 use super::predict::STEPS;
 use super::scene::Scene;
 use super::types::NEIGHBOURS_MAX;
@@ -38,55 +38,51 @@ impl Scene<'_> {
         for lane in 0..row.count {
             give_up[lane] = best.give_up(row.rank[lane]);
         }
-        row.fill();
         let mut alive = (1u32 << row.count) - 1;
+        // Lanes without a candidate go with the first.
+        let mut ways = row.ways.joined(alive);
+        let mut cost = row.cost;
         row.count = 0;
-        let slower: Wide = std::array::from_fn(|lane| 1.0 / row.share[lane] - 1.0);
         let mut at = Motion {
             x: [0.0; WIDTH],
             y: [0.0; WIDTH],
             hx: [self.heading.0; WIDTH],
             hy: [self.heading.1; WIDTH],
+            left: [self.left_m; WIDTH],
         };
         let mut area = Area { min_x: 0.0, min_y: 0.0, max_x: 0.0, max_y: 0.0 };
-        let mut left = [self.left_m; WIDTH];
         let (mut time, mut fade) = (0.0, 1.0);
         let mut path = [0.0; WIDTH];
         let mut worst = [[0.0; WIDTH]; NEIGHBOURS_MAX];
         for k in 0..STEPS {
-            let passing = self.others.passing(&area, scale.reach_m, k);
-            let mut v = self.turn(&mut at, &left, row, time < scale.hold_s);
-            self.slow(&mut v, &at, &area, k);
-            let mut scrape = [0.0; WIDTH];
-            if !self.obstacles.is_empty() {
-                for lane in Which(alive) {
-                    let p = self.ego.position_m + Vec2::new(f64::from(at.x[lane]), f64::from(at.y[lane]));
-                    let h = Vec2::new(f64::from(at.hx[lane]), f64::from(at.hy[lane]));
-                    (v[lane], scrape[lane]) = self.beside_obstacles(v[lane], p, h);
-                }
-            }
+            let v = self.turn(&mut at, &ways, time < scale.hold_s);
+            let v = self.slow(v, &at, &area, k);
+            let (v, scrape) =
+                if self.obstacles.is_empty() { (v, [0.0; WIDTH]) } else { self.scraped(alive, v, at) };
             let mut next = at;
             for lane in 0..WIDTH {
-                let travel = least(v[lane] * scale.step_s, left[lane]);
+                let travel = least(v[lane] * scale.step_s, at.left[lane]);
                 next.x[lane] = at.x[lane] + at.hx[lane] * travel;
                 next.y[lane] = at.y[lane] + at.hy[lane] * travel;
                 path[lane] += travel;
             }
+            let to = Area::around(&next.x, &next.y);
+            let passing = self.others.passing(&area, &to, k);
             let raised = self.closeness(passing, &at, &next, k, fade, &mut worst);
-            at = next;
-            area = Area::around(&at.x, &at.y);
+            (at, area) = (next, to);
             time += scale.step_s;
             let (mut lost, mut beaten, mut landed) = ([0.0; WIDTH], [false; WIDTH], [false; WIDTH]);
             for lane in 0..WIDTH {
-                row.cost[lane] += raised[lane] + scrape[lane] * (fade * scale.step_s);
+                cost[lane] += raised[lane] + scrape[lane] * (fade * scale.step_s);
                 let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
-                left[lane] = (to_x * to_x + to_y * to_y).sqrt();
+                let left = (to_x * to_x + to_y * to_y).sqrt();
                 // Time lost against the straight way never shrinks, so it bounds the final cost from below.
-                lost[lane] = time + (left[lane] - self.left_m) * scale.per_v_max;
+                lost[lane] = time + (left - self.left_m) * scale.per_v_max;
                 // What is left of the horizon is driven at no more than the candidate's share.
-                let rest = self.behind(row.share[lane], slower[lane], left[lane], STEPS - 1 - k);
-                beaten[lane] = row.cost[lane] + lost[lane] + rest - self.forgiven_s >= give_up[lane];
-                landed[lane] = left[lane] < LANDED_M;
+                let rest = self.behind(ways.share[lane], ways.slower[lane], left, STEPS - 1 - k);
+                beaten[lane] = cost[lane] + lost[lane] + rest - self.forgiven_s >= give_up[lane];
+                landed[lane] = left < LANDED_M;
+                at.left[lane] = left;
             }
             fade -= scale.fade;
             let beaten = bits(beaten) & alive;
@@ -94,50 +90,78 @@ impl Scene<'_> {
             if beaten | last == 0 {
                 continue;
             }
-            for lane in Which(last & !beaten) {
-                let misaligned = if left[lane] < LANDED_M {
-                    0.0
-                } else {
-                    let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
-                    1.0 - (at.hx[lane] * to_x + at.hy[lane] * to_y) / left[lane]
-                };
-                let cost = row.cost[lane] + (lost[lane] + scale.turn_s * misaligned);
-                best.offer(cost, row.rank[lane], path[lane] / time);
+            if last & !beaten != 0 {
+                *best = self.offered(last & !beaten, at, [cost, lost, path], row.rank, time, *best);
             }
             alive &= !(beaten | last);
             if alive == 0 {
                 return;
             }
             // Those that ended go with one that goes on, so that nobody goes where nobody has to look.
-            let with = alive.trailing_zeros() as usize;
-            row.join(alive, with);
-            at.join(alive, with);
-            join(&mut left, alive, with);
+            (ways, at) = (ways.joined(alive), at.joined(alive));
             area = Area::around(&at.x, &at.y);
         }
     }
 
+    /// The best of these candidates, which have come to their end, and of those before.
+    #[cold]
+    #[inline(never)]
+    fn offered(
+        &self,
+        lanes: u32,
+        at: Motion,
+        [cost, lost, path]: [Wide; 3],
+        rank: [usize; WIDTH],
+        time: f32,
+        mut best: Best,
+    ) -> Best {
+        for lane in Which(lanes) {
+            let misaligned = if at.left[lane] < LANDED_M {
+                0.0
+            } else {
+                let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
+                1.0 - (at.hx[lane] * to_x + at.hy[lane] * to_y) / at.left[lane]
+            };
+            let cost = cost[lane] + (lost[lane] + self.scale.turn_s * misaligned);
+            best.offer(cost, rank[lane], path[lane] / time);
+        }
+        best
+    }
+
+    /// How fast these candidates may still go beside the static obstacles, and what being close to those costs.
+    #[cold]
+    #[inline(never)]
+    fn scraped(&self, lanes: u32, mut v: Wide, at: Motion) -> (Wide, Wide) {
+        let mut scrape = [0.0; WIDTH];
+        for lane in Which(lanes) {
+            let p = self.ego.position_m + Vec2::new(f64::from(at.x[lane]), f64::from(at.y[lane]));
+            let h = Vec2::new(f64::from(at.hx[lane]), f64::from(at.hy[lane]));
+            (v[lane], scrape[lane]) = self.beside_obstacles(v[lane], p, h);
+        }
+        (v, scrape)
+    }
+
     /// Turns the headings by one step; how fast the candidates may then go.
     #[inline(always)]
-    fn turn(&self, at: &mut Motion, left: &Wide, row: &Row, hold: bool) -> Wide {
+    fn turn(&self, at: &mut Motion, ways: &Ways, hold: bool) -> Wide {
         let (scale, cos) = (&self.scale, self.turn.cos);
         let mut v = [0.0; WIDTH];
         for lane in 0..WIDTH {
             let (hx, hy) = (at.hx[lane], at.hy[lane]);
             let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
-            let steered = hold | (left[lane] < ON_TARGET_M);
-            let per_m = 1.0 / left[lane];
-            let aim_x = if steered { row.direction_x[lane] } else { to_x * per_m };
-            let aim_y = if steered { row.direction_y[lane] } else { to_y * per_m };
+            let steered = hold | (at.left[lane] < ON_TARGET_M);
+            let per_m = 1.0 / at.left[lane];
+            let aim_x = if steered { ways.direction_x[lane] } else { to_x * per_m };
+            let aim_y = if steered { ways.direction_y[lane] } else { to_y * per_m };
             let near = hx * aim_x + hy * aim_y >= cos;
             let sin = if hx * aim_y - hy * aim_x >= 0.0 { self.turn.sin } else { -self.turn.sin };
             let hx1 = if near { aim_x } else { hx * cos - hy * sin };
             let hy1 = if near { aim_y } else { hx * sin + hy * cos };
             (at.hx[lane], at.hy[lane]) = (hx1, hy1);
             let share = (hx1 * aim_x + hy1 * aim_y - scale.align_cos) * scale.per_align;
-            let fast = scale.v_max_mps * row.share[lane] * least(most(share, 0.0), 1.0);
+            let fast = scale.v_max_mps * ways.share[lane] * least(most(share, 0.0), 1.0);
             // As `arc_speed`. Straight ahead it is infinite, and on the target no number.
-            let arc = scale.arc_radps * left[lane] * left[lane] / (hx1 * to_y - hy1 * to_x).abs();
+            let arc = scale.arc_radps * at.left[lane] * at.left[lane] / (hx1 * to_y - hy1 * to_x).abs();
             v[lane] = least(arc, fast);
         }
         v
@@ -145,7 +169,7 @@ impl Scene<'_> {
 
     /// Slows down to the speed that the hard rows of the neighbours would leave.
     #[inline(always)]
-    fn slow(&self, v: &mut Wide, at: &Motion, area: &Area, k: usize) {
+    fn slow(&self, mut v: Wide, at: &Motion, area: &Area, k: usize) -> Wide {
         let rate = self.scale.row_rate;
         for other in self.others.slowing(area, k) {
             let (place_x, place_y) = self.others.at(k, other);
@@ -161,6 +185,7 @@ impl Scene<'_> {
                 v[lane] = least(if slows { limit } else { f32::INFINITY }, v[lane]);
             }
         }
+        v
     }
 
     /// Speed that the hard rows of the static obstacles would leave, and the cost rate of being close to
@@ -203,13 +228,14 @@ impl Scene<'_> {
                 let change_y = next.y[lane] - y1 - from_y;
                 let c2 = change_x * change_x + change_y * change_y;
                 // No number for who does not move: 0.
-                let along = -(from_x * change_x + from_y * change_y) / c2;
-                let s = least(most(along, 0.0), 1.0);
-                let (x, y) = (from_x + change_x * s, from_y + change_y * s);
+                let along = (from_x * change_x + from_y * change_y) / c2;
+                let s = most(least(along, 0.0), -1.0);
+                let (x, y) = (from_x - change_x * s, from_y - change_y * s);
                 let gap = (x * x + y * y).sqrt() - required_m;
                 let share = most(1.0 - gap * per_margin, 0.0);
-                let penalty = near_s * share * share + overlap_s * most(-gap, 0.0);
-                let highest = most(penalty, worst[lane]);
+                let penalty = near_s * share * share - overlap_s * least(gap, 0.0);
+                // None is less than zero, so their order is that of their bits.
+                let highest = f32::from_bits(penalty.to_bits().max(worst[lane].to_bits()));
                 raised[lane] += highest - worst[lane];
                 worst[lane] = highest;
             }

@@ -47,8 +47,6 @@ pub(super) struct Scale {
     pub(super) per_v_max: f32,
     pub(super) step_s: f32,
     pub(super) hold_s: f32,
-    /// As far as a candidate goes in a step.
-    pub(super) reach_m: f32,
     /// Speed share 0 here, and by how much it grows for each 1 of the cosine.
     pub(super) align_cos: f32,
     pub(super) per_align: f32,
@@ -69,7 +67,6 @@ impl Scale {
             per_v_max: single(1.0 / limits.v_max_mps),
             step_s: single(params.step_s),
             hold_s: single(params.hold_s),
-            reach_m: single(limits.v_max_mps * params.step_s) * (1.0 + ROUNDING),
             align_cos: single(params.align_cos),
             per_align: single(1.0 / (1.0 - params.align_cos)),
             arc_radps: single(0.5 * params.arc_gain * limits.omega_max_radps),
@@ -164,13 +161,15 @@ impl<'a> Scene<'a> {
         let mut row = Row::empty();
         // Full speed first: it seldom pays to go slower, and what is slower need not even start then.
         let (mut i, mut j) = (0, 0);
-        let behind = SPEEDS.map(|share| self.behind(share, 1.0 / share - 1.0, self.left_m, STEPS));
+        let slower = SPEEDS.map(|share| 1.0 / share - 1.0);
+        let behind: [f32; SPEEDS.len()] =
+            std::array::from_fn(|j| self.behind(SPEEDS[j], slower[j], self.left_m, STEPS));
         while j < SPEEDS.len() {
             while row.count < WIDTH && j < SPEEDS.len() {
                 let share = SPEEDS[j];
                 let (rank, base) = (i * SPEEDS.len() + j, biases[i] + self.scale.slow_s * (1.0 - share));
                 if base + behind[j] - self.forgiven_s < best.give_up(rank) {
-                    row.push(rank, (direction_x[i], direction_y[i]), share, base);
+                    row.push(rank, (direction_x[i], direction_y[i]), (share, slower[j]), base);
                 }
                 i += 1;
                 if i == DEFLECTIONS_RAD.len() {
