@@ -1,6 +1,10 @@
 //! A row of candidates on its way through the horizon, a step at a time.
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
+#![expect(
+    clippy::large_types_passed_by_value,
+    reason = "of what is lent, a step could not be kept in registers"
+)]
 #![expect(clippy::needless_range_loop, reason = "a lane indexes several arrays")]
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
@@ -51,55 +55,63 @@ impl Scene<'_> {
             left: [self.left_m; WIDTH],
         };
         let mut area = Area { min_x: 0.0, min_y: 0.0, max_x: 0.0, max_y: 0.0 };
-        let (mut time, mut fade) = (0.0, 1.0);
+        let (mut time, mut fade, mut faded) = (0.0, 1.0, 1.0);
         let mut path = [0.0; WIDTH];
         let mut worst = [[0.0; WIDTH]; NEIGHBOURS_MAX];
-        for k in 0..STEPS {
-            let v = self.turn(&mut at, &ways, time < scale.hold_s);
-            let v = self.slow(v, &at, &area, k);
-            let (v, scrape) =
-                if self.obstacles.is_empty() { (v, [0.0; WIDTH]) } else { self.scraped(alive, v, at) };
-            let mut next = at;
-            for lane in 0..WIDTH {
-                let travel = least(v[lane] * scale.step_s, at.left[lane]);
-                next.x[lane] = at.x[lane] + at.hx[lane] * travel;
-                next.y[lane] = at.y[lane] + at.hy[lane] * travel;
-                path[lane] += travel;
+        let (mut start, mut passing, mut scrape) = (at, Which(0), [0.0; WIDTH]);
+        // A step is judged when the next has been begun: where that leads does not wait for what this costs.
+        for k in 0..=STEPS {
+            let (here, gone, passed, scraped) = (at, path, passing, scrape);
+            passing = Which(0);
+            if k < STEPS {
+                let mut v = self.turn(&mut at, &ways, time < scale.hold_s);
+                v = self.slow(v, &at, &area, k);
+                if !self.obstacles.is_empty() {
+                    (v, scrape) = self.scraped(alive, v, at);
+                }
+                for lane in 0..WIDTH {
+                    let travel = least(v[lane] * scale.step_s, at.left[lane]);
+                    at.x[lane] += at.hx[lane] * travel;
+                    at.y[lane] += at.hy[lane] * travel;
+                    path[lane] += travel;
+                    let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
+                    at.left[lane] = (to_x * to_x + to_y * to_y).sqrt();
+                }
+                let to = Area::around(&at.x, &at.y);
+                passing = self.others.passing(&area, &to, k);
+                area = to;
             }
-            let to = Area::around(&next.x, &next.y);
-            let passing = self.others.passing(&area, &to, k);
-            let raised = self.closeness(passing, &at, &next, k, fade, &mut worst);
-            (at, area) = (next, to);
+            if k > 0 {
+                let raised = self.closeness(passed, &start, &here, k - 1, faded, &mut worst);
+                let (mut lost, mut beaten, mut landed) = ([0.0; WIDTH], [false; WIDTH], [false; WIDTH]);
+                for lane in 0..WIDTH {
+                    cost[lane] += raised[lane] + scraped[lane] * (faded * scale.step_s);
+                    let left = here.left[lane];
+                    // Time lost against the straight way never shrinks, so it bounds the final cost from below.
+                    lost[lane] = time + (left - self.left_m) * scale.per_v_max;
+                    // What is left of the horizon is driven at no more than the candidate's share.
+                    let rest = self.behind(ways.share[lane], ways.slower[lane], left, STEPS - k);
+                    beaten[lane] = cost[lane] + lost[lane] + rest - self.forgiven_s >= give_up[lane];
+                    landed[lane] = left < LANDED_M;
+                }
+                let beaten = bits(beaten) & alive;
+                let last = if k == STEPS { alive } else { bits(landed) & alive };
+                if beaten | last != 0 {
+                    if last & !beaten != 0 {
+                        *best = self.offered(last & !beaten, here, [cost, lost, gone], row.rank, time, *best);
+                    }
+                    alive &= !(beaten | last);
+                    if alive == 0 {
+                        return;
+                    }
+                    // Those that ended go with one that goes on, so that nobody goes where nobody has to look.
+                    (ways, at) = (ways.joined(alive), at.joined(alive));
+                    area = Area::around(&at.x, &at.y);
+                }
+            }
+            start = here;
+            (faded, fade) = (fade, fade - scale.fade);
             time += scale.step_s;
-            let (mut lost, mut beaten, mut landed) = ([0.0; WIDTH], [false; WIDTH], [false; WIDTH]);
-            for lane in 0..WIDTH {
-                cost[lane] += raised[lane] + scrape[lane] * (fade * scale.step_s);
-                let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
-                let left = (to_x * to_x + to_y * to_y).sqrt();
-                // Time lost against the straight way never shrinks, so it bounds the final cost from below.
-                lost[lane] = time + (left - self.left_m) * scale.per_v_max;
-                // What is left of the horizon is driven at no more than the candidate's share.
-                let rest = self.behind(ways.share[lane], ways.slower[lane], left, STEPS - 1 - k);
-                beaten[lane] = cost[lane] + lost[lane] + rest - self.forgiven_s >= give_up[lane];
-                landed[lane] = left < LANDED_M;
-                at.left[lane] = left;
-            }
-            fade -= scale.fade;
-            let beaten = bits(beaten) & alive;
-            let last = if k + 1 == STEPS { alive } else { bits(landed) & alive };
-            if beaten | last == 0 {
-                continue;
-            }
-            if last & !beaten != 0 {
-                *best = self.offered(last & !beaten, at, [cost, lost, path], row.rank, time, *best);
-            }
-            alive &= !(beaten | last);
-            if alive == 0 {
-                return;
-            }
-            // Those that ended go with one that goes on, so that nobody goes where nobody has to look.
-            (ways, at) = (ways.joined(alive), at.joined(alive));
-            area = Area::around(&at.x, &at.y);
         }
     }
 
