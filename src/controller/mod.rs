@@ -40,7 +40,6 @@ use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotT
 use robot::RobotController;
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// So many robots ahead of the one that decides, memory is asked for.
 const AHEAD: usize = 2;
@@ -451,7 +450,7 @@ impl RobotGroup {
             return;
         }
         // One robot's step begins where that of the one before ended.
-        let mut clock = Instant::now();
+        let mut clock = robot::now_ns();
         for at in std::iter::from_fn(&mut parts).flatten() {
             let order = self.workspace.around.order();
             let Some(&index) = order.get(at) else { return };
@@ -516,7 +515,7 @@ impl RobotGroup {
         if !self.prepare(fleet, timing) {
             return;
         }
-        let mut clock = Instant::now();
+        let mut clock = robot::now_ns();
         for robot in &mut self.owned {
             let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
             each(robot.index(), &decision, &self.workspace.programme);

@@ -19,10 +19,12 @@ use crate::wire::{
     RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason,
     checkpoint_flags, state_flags, telemetry_flags,
 };
-use std::time::{Duration, Instant};
+use rustix::time::{ClockId, clock_gettime};
 
 /// A solution with a larger scaled KKT residual never becomes a command.
 const KKT_TOLERANCE: f64 = 1e-6;
+
+const NS_PER_S: u64 = 1_000_000_000;
 
 /// Obstacles further than this are of no interest to the guidance, m.
 const OBSTACLE_RANGE_M: f64 = 4.0;
@@ -177,7 +179,7 @@ impl RobotController {
         law: &Law,
         fleet: &[RobotState],
         work: &mut Workspace,
-        clock: &mut Instant,
+        clock: &mut u64,
     ) -> Decision {
         let own = &fleet[self.index];
         let current = self.follow(law, own, work.shelf.as_deref());
@@ -200,8 +202,8 @@ impl RobotController {
         };
         telemetry.stop_reason = command.stop_reason;
         (telemetry.v_mps, telemetry.omega_radps) = (command.v_mps, command.omega_radps);
-        let ended = Instant::now();
-        telemetry.step_ns = nanoseconds(ended - std::mem::replace(clock, ended));
+        let ended = now_ns();
+        telemetry.step_ns = ended.saturating_sub(std::mem::replace(clock, ended));
         Decision { command, intent: self.last_intent, telemetry }
     }
 
@@ -258,9 +260,9 @@ impl RobotController {
         }
         telemetry.safety_rows = u32::try_from(programme.safety.len()).unwrap_or(u32::MAX);
 
-        let started = Instant::now();
+        let started = now_ns();
         let outcome = work.solver.solve(programme, &mut work.solution);
-        telemetry.solve_ns = nanoseconds(started.elapsed());
+        telemetry.solve_ns = now_ns().saturating_sub(started);
         if outcome != Outcome::Solved {
             telemetry.status = SolveStatus::Failed as u32;
             return Err(StopReason::Solver);
@@ -422,9 +424,10 @@ fn clearance(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> f64
     least_m
 }
 
-/// A time between two readings of the clock, which is read through the vDSO: no system call.
-fn nanoseconds(time: Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+/// The monotonic clock, read through the vDSO without a system call, ns.
+pub(super) fn now_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec.unsigned_abs() * NS_PER_S + now.tv_nsec.unsigned_abs()
 }
 
 #[cfg(test)]

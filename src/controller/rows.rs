@@ -72,9 +72,9 @@ pub(super) fn bodies<'a>(
     let (ahead, mine) = (heading(own), law.reach(own));
     let extent_m = law.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
     let speed_mps = law.limits.speed_mps() * (1.0 + law.spread());
-    let reach = move |required_m: f64, share: f64| {
-        activation_m(required_m + extent_m, speed_mps, law.period_s, rate, share)
-    };
+    // Where a row with half or with all of the gap begins to bind, beyond what it requires.
+    let [half_m, whole_m] = [0.5, 1.0].map(|share| activation_m(0.0, speed_mps, law.period_s, rate, share));
+    let reach = move |required_m: f64, beyond_m: f64| required_m + extent_m + beyond_m;
     // Towards the other one, how far we and it may be from where we are seen, and in any direction.
     let doubt = move |normal: Vec2, other: Option<(Vec2, Reach)>| {
         let own_m = mine.towards_m(normal.dot(&ahead));
@@ -87,17 +87,17 @@ pub(super) fn bodies<'a>(
         let other = &fleet[n.index];
         // What it may move beyond what is known, and our share of what that leaves: one that is not ours
         // uses up what it can reach until the command has acted, and leaves us the whole rest.
-        let (unknown_m, share) = match law.foreign_speed_mps[n.index] {
-            Some(speed_mps) => (other.uncertainty_m + law.foreign_s * speed_mps, 1.0),
-            None if other.has(state_flags::VALID) => (0.0, 0.5),
+        let (unknown_m, share, beyond_m) = match law.foreign_speed_mps[n.index] {
+            Some(speed_mps) => (other.uncertainty_m + law.foreign_s * speed_mps, 1.0, whole_m),
+            None if other.has(state_flags::VALID) => (0.0, 0.5, half_m),
             // It drives on under the command in force, or stands anywhere on the way since it was seen.
             None => {
                 let way_m = other.uncertainty_m + other.v_mps.abs() * law.period_s * (1.0 + law.spread());
-                (law.untrusted_m.max(way_m) + law.lost_m, 0.5)
+                (law.untrusted_m.max(way_m) + law.lost_m, 0.5, half_m)
             }
         };
         let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown_m;
-        (n.distance_m <= reach(required_m, share)).then(|| {
+        (n.distance_m <= reach(required_m, beyond_m)).then(|| {
             let normal = away(here - other.position_m(), n.distance_m, own.id, other.id);
             let (doubt_m, extent_m) = doubt(normal, Some((heading(other), law.reach(other))));
             let gap_m = n.distance_m - required_m - doubt_m;
@@ -112,47 +112,46 @@ pub(super) fn bodies<'a>(
     });
     // One of ours that follows its commands may as well have come to a stand anywhere on its way. Then it
     // goes on standing, and leaves us the whole gap.
-    let ways = near.iter().flat_map(move |n| {
-        let other = &fleet[n.index];
-        let found = other.has(state_flags::MAY_STAND).then(|| {
-            let (way, stray_m) = (law.way(other), law.stray_m(other));
-            let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + stray_m;
-            let body = |point: Vec2, beyond_m: f64, (touches, bends): (bool, bool)| {
-                let offset = here - point;
-                let distance_m = offset.norm();
-                let normal = away(offset, distance_m, own.id, other.id);
-                let (doubt_m, extent_m) = doubt(normal, None);
-                let gap_m = distance_m - required_m - beyond_m - doubt_m;
-                Body {
-                    normal,
-                    gap_m: if touches { gap_m.min(0.0) } else { gap_m },
-                    share: 1.0,
-                    anywhere: touches && bends,
-                    blind: (extent_m + stray_m) / distance_m.max(COINCIDENT_M),
-                }
-            };
-            let bow_m = way.bow_m();
-            let nearest = way.closest_point(here);
-            if (here - nearest).norm() > reach(required_m + bow_m, 1.0) {
-                return [None, None];
+    let standing = move |other: &RobotState| {
+        let (way, stray_m) = (law.way(other), law.stray_m(other));
+        let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + stray_m;
+        let body = |point: Vec2, beyond_m: f64, (touches, bends): (bool, bool)| {
+            let offset = here - point;
+            let distance_m = offset.norm();
+            let normal = away(offset, distance_m, own.id, other.id);
+            let (doubt_m, extent_m) = doubt(normal, None);
+            let gap_m = distance_m - required_m - beyond_m - doubt_m;
+            Body {
+                normal,
+                gap_m: if touches { gap_m.min(0.0) } else { gap_m },
+                share: 1.0,
+                anywhere: touches && bends,
+                blind: (extent_m + stray_m) / distance_m.max(COINCIDENT_M),
             }
-            let next = body(nearest, bow_m, (false, false));
-            if next.gap_m > 0.0 {
-                return [Some(next), None];
-            }
-            // Coordinates are rounded the more the further they are from the origin.
-            let rounding_m = (8.0 * f64::EPSILON * way.length_m * here.norm()).sqrt();
-            let straight_m = BOW_MIN_M.max(rounding_m);
-            // Within reach of it: no closer to either end, and so to no point between them.
-            [way.from_m, way.to_m].map(|end| Some(body(end, bow_m, (true, bow_m > straight_m))))
-        });
-        found.unwrap_or_default().into_iter().flatten()
-    });
+        };
+        let bow_m = way.bow_m();
+        let nearest = way.closest_point(here);
+        if (here - nearest).norm() > reach(required_m + bow_m, whole_m) {
+            return [None, None];
+        }
+        let next = body(nearest, bow_m, (false, false));
+        if next.gap_m > 0.0 {
+            return [Some(next), None];
+        }
+        // Coordinates are rounded the more the further they are from the origin.
+        let rounding_m = (8.0 * f64::EPSILON * way.length_m * here.norm()).sqrt();
+        let straight_m = BOW_MIN_M.max(rounding_m);
+        // Within reach of it: no closer to either end, and so to no point between them.
+        [way.from_m, way.to_m].map(|end| Some(body(end, bow_m, (true, bow_m > straight_m))))
+    };
+    let may_stand =
+        near.iter().map(move |n| &fleet[n.index]).filter(|other| other.has(state_flags::MAY_STAND));
+    let ways = may_stand.flat_map(move |other| standing(other).into_iter().flatten());
     let obstacles = law.obstacles.iter().filter_map(move |obstacle| {
         let required_m = law.limits.safety_margin_m + own.radius_m + obstacle.reach_m();
         let offset = here - obstacle.closest_core_point(here);
         let distance_m = offset.norm();
-        (distance_m <= reach(required_m, 1.0)).then(|| {
+        (distance_m <= reach(required_m, whole_m)).then(|| {
             let normal = away(offset, distance_m, 0, 1);
             let (doubt_m, extent_m) = doubt(normal, None);
             Body {
@@ -210,12 +209,7 @@ pub(super) fn gather<'a>(
     found.clear();
     // The smaller rate reaches further: one sweep serves both kinds of rows.
     let rate = law.control.gamma.min(law.control.comfort_gamma);
-    for body in bodies(law, fleet, me, near, rate) {
-        if found.len() == room {
-            return None;
-        }
-        found.push(body);
-    }
+    bodies(law, fleet, me, near, rate).try_for_each(|body| (found.len() < room).then(|| found.push(body)))?;
     Some(found)
 }
 

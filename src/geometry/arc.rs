@@ -1,4 +1,4 @@
-use super::{Vec2, sin, unit, wrap};
+use super::{Vec2, unit, wrap};
 
 /// Position and heading of a robot in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -29,7 +29,7 @@ impl Pose {
 /// sin(x)/x, with its limit 1 at 0.
 pub fn sinc(x: f64) -> f64 {
     // Below 1e-4 the third term of the series is under the last bit.
-    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { sin(x) / x }
+    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
 }
 
 /// s · sinc(ω s / 2): length of the chord that a unit-speed arc covers in `s` seconds.

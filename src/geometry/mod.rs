@@ -19,7 +19,7 @@ pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_
 pub use grid::Grid;
 pub use shape::{closest_point_on_segment, segment_distance};
 pub use timed::{TimedArc, min_distance_timed};
-pub use trig::{atan2, cos, sin, sincos};
+pub use trig::sincos;
 pub use way::Way;
 
 /// A point or vector in the plane, metres.

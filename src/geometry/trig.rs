@@ -123,21 +123,9 @@ pub fn sincos(x: f64) -> (f64, f64) {
     (f64::from_bits(sin), f64::from_bits(cos))
 }
 
-/// The cosine of an angle.
-#[inline]
-pub fn cos(x: f64) -> f64 {
-    sincos(x).1
-}
-
-/// The sine of an angle.
-#[inline]
-pub fn sin(x: f64) -> f64 {
-    sincos(x).0
-}
-
 /// The angle of the vector (x, y) from the x axis, in [−π, π].
 #[inline]
-pub fn atan2(y: f64, x: f64) -> f64 {
+pub(super) fn atan2(y: f64, x: f64) -> f64 {
     // 2⁻²⁷ and 2⁶¹.
     const COVERED: std::ops::Range<u32> = 0x3e40_0000..0x43c0_0000;
     let t = (y / x).abs();
@@ -170,8 +158,6 @@ mod tests {
         let ((sin, cos), (s, c)) = (sincos(x), libm::sincos(x));
         if x.is_finite() {
             assert_eq!((sin.to_bits(), cos.to_bits()), (s.to_bits(), c.to_bits()), "{x:e}");
-            assert_eq!(super::sin(x).to_bits(), libm::sin(x).to_bits(), "{x:e}");
-            assert_eq!(super::cos(x).to_bits(), libm::cos(x).to_bits(), "{x:e}");
         } else {
             assert!(sin.is_nan() && cos.is_nan(), "{x:e}");
         }

@@ -11,20 +11,24 @@
 
 use crate::programme::{Certificate, Row};
 
-/// Where a row is positive.
+/// Where a row is positive: below `low` and above `high`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Positive {
-    Never,
-    Always,
-    /// Outside [low, high].
-    Outside {
-        low: f64,
-        high: f64,
-    },
-    /// Above the kink.
-    Above(f64),
-    /// Below the kink.
-    Below(f64),
+struct Positive {
+    low: f64,
+    high: f64,
+}
+
+impl Positive {
+    const NEVER: Self = Self { low: f64::NEG_INFINITY, high: f64::INFINITY };
+    const ALWAYS: Self = Self { low: f64::INFINITY, high: f64::INFINITY };
+
+    fn above(kink: f64) -> Self {
+        Self { high: kink, ..Self::NEVER }
+    }
+
+    fn below(kink: f64) -> Self {
+        Self { low: kink, ..Self::NEVER }
+    }
 }
 
 /// The scalar problem.
@@ -66,27 +70,21 @@ enum Side {
 
 /// Whether a row with these kinks is positive just beside `x`.
 fn positive_beside(positive: Positive, x: f64, side: Side) -> bool {
-    match (positive, side) {
-        (Positive::Never, _) => false,
-        (Positive::Always, _) => true,
-        (Positive::Outside { low, high }, Side::Left) => x <= low || x > high,
-        (Positive::Outside { low, high }, Side::Right) => x < low || x >= high,
-        (Positive::Above(k), Side::Left) => x > k,
-        (Positive::Above(k), Side::Right) => x >= k,
-        (Positive::Below(k), Side::Left) => x <= k,
-        (Positive::Below(k), Side::Right) => x < k,
+    match side {
+        Side::Left => x <= positive.low || x > positive.high,
+        Side::Right => x < positive.low || x >= positive.high,
     }
 }
 
 fn sign_of_row(row: Row) -> Positive {
     if row.coefficient > 0.0 {
-        Positive::Above(row.bound / row.coefficient)
+        Positive::above(row.bound / row.coefficient)
     } else if row.coefficient < 0.0 {
-        Positive::Below(row.bound / row.coefficient)
+        Positive::below(row.bound / row.coefficient)
     } else if row.bound < 0.0 {
-        Positive::Always
+        Positive::ALWAYS
     } else {
-        Positive::Never
+        Positive::NEVER
     }
 }
 
@@ -96,50 +94,46 @@ fn sign_of_certificate(c: Certificate) -> Positive {
     }
     let discriminant = c.linear * c.linear - 2.0 * c.curvature * c.decrease;
     if discriminant.is_nan() || discriminant <= 0.0 {
-        return Positive::Always;
+        return Positive::ALWAYS;
     }
     // The root that does not cancel first, the other through their product 2Q/q.
     let u = -c.linear - discriminant.sqrt().copysign(c.linear);
     let (one, other) = (u / c.curvature, if u == 0.0 { 0.0 } else { 2.0 * c.decrease / u });
-    Positive::Outside { low: one.min(other), high: one.max(other) }
+    if one < other { Positive { low: one, high: other } } else { Positive { low: other, high: one } }
 }
 
 impl Piecewise<'_> {
-    /// The derivative at `x` from one side.
-    fn derivative(&self, certificate: Positive, x: f64, side: Side) -> f64 {
+    /// The derivative at `x` from one side, with these rows.
+    #[inline]
+    fn derivative(&self, certificate: Positive, rows: &[Row], x: f64, side: Side) -> f64 {
         let mut sum = self.effort * x;
         if positive_beside(certificate, x, side) {
             sum += self.weight * self.certificate.slope(x);
         }
-        let mut rows = 0.0;
-        for &row in self.rows {
+        let mut slope = 0.0;
+        for &row in rows {
             if positive_beside(sign_of_row(row), x, side) {
-                rows += row.coefficient;
+                slope += row.coefficient;
             }
         }
-        sum + self.row_weight * rows
+        sum + self.row_weight * slope
     }
 
     /// The largest kink strictly between `self.lo` and `below`.
-    fn next_kink(&self, certificate: Positive, below: f64) -> Option<f64> {
+    #[inline]
+    fn next_kink(&self, certificate: Positive, rows: &[Row], below: f64) -> Option<f64> {
         let mut best = f64::NEG_INFINITY;
         let mut offer = |k: f64| {
             if k < below && k > self.lo && k > best {
                 best = k;
             }
         };
-        match certificate {
-            Positive::Outside { low, high } => {
-                offer(low);
-                offer(high);
-            }
-            Positive::Above(k) | Positive::Below(k) => offer(k),
-            Positive::Never | Positive::Always => {}
-        }
-        for &row in self.rows {
-            if let Positive::Above(k) | Positive::Below(k) = sign_of_row(row) {
-                offer(k);
-            }
+        offer(certificate.low);
+        offer(certificate.high);
+        for &row in rows {
+            let positive = sign_of_row(row);
+            offer(positive.low);
+            offer(positive.high);
         }
         (best > f64::NEG_INFINITY).then_some(best)
     }
@@ -147,22 +141,28 @@ impl Piecewise<'_> {
     /// The unique minimiser. At most one step for each kink.
     pub(super) fn minimise(&self) -> Minimum {
         let certificate = sign_of_certificate(self.certificate);
+        // Most have no rows, and without them there are but two kinks.
+        if self.rows.is_empty() { self.walk(certificate, &[]) } else { self.walk(certificate, self.rows) }
+    }
+
+    #[inline]
+    fn walk(&self, certificate: Positive, rows: &[Row]) -> Minimum {
         let mut upper = self.hi;
-        let mut at_upper = self.derivative(certificate, upper, Side::Left);
+        let mut at_upper = self.derivative(certificate, rows, upper, Side::Left);
         if at_upper <= 0.0 || self.hi <= self.lo {
-            let right = self.derivative(certificate, upper, Side::Right);
+            let right = self.derivative(certificate, rows, upper, Side::Right);
             return Minimum { x: upper, right, left: at_upper, certificate };
         }
         loop {
-            let kink = self.next_kink(certificate, upper);
+            let kink = self.next_kink(certificate, rows, upper);
             let lower = kink.unwrap_or(self.lo);
-            let at_lower = self.derivative(certificate, lower, Side::Right);
+            let at_lower = self.derivative(certificate, rows, lower, Side::Right);
             if at_lower < 0.0 {
                 // The derivative crosses zero inside (lower, upper), where it is a line.
                 let x = self.crossing(certificate, lower, upper, at_upper).clamp(lower, upper);
                 return Minimum { x, right: 0.0, left: 0.0, certificate };
             }
-            let left = self.derivative(certificate, lower, Side::Left);
+            let left = self.derivative(certificate, rows, lower, Side::Left);
             if kink.is_none() || left <= 0.0 {
                 return Minimum { x: lower, right: at_lower, left, certificate };
             }

@@ -59,12 +59,18 @@ struct Check {
 
 /// `value` against `scale`; anything not finite counts as infinitely wrong.
 fn relative(value: f64, scale: f64) -> f64 {
-    // Nearly all are, whatever the scale: that those are numbers is seen to apart.
-    if value == 0.0 {
-        return 0.0;
-    }
     let r = value / (1.0 + scale);
     if r.is_finite() { r } else { f64::INFINITY }
+}
+
+/// The larger of two that are numbers.
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
+/// What is positive of a number.
+fn positive(x: f64) -> f64 {
+    larger(0.0, x)
 }
 
 /// Gradient of a Lagrangian, summed with the size of its terms.
@@ -84,23 +90,36 @@ impl Gradient {
 impl Check {
     /// A row `excess ≤ slack` with multiplier `dual` in [0, weight]; `scale` is the row's size.
     fn soft_row(&mut self, excess: f64, slack: f64, dual: f64, weight: f64, scale: f64) {
-        let r = &mut self.residuals;
-        r.primal = r.primal.max(relative((excess - slack).max(-slack).max(0.0), scale));
-        r.dual = r.dual.max(relative((-dual).max(dual - weight).max(0.0), weight));
+        let primal = larger(positive(excess - slack), positive(-slack));
+        let sign = larger(positive(-dual), positive(dual - weight));
         // Both multipliers, λ of the row and w − λ of δ ≥ 0, against their distances.
-        let products = (dual * (excess - slack)).abs().max(((weight - dual) * slack).abs());
-        r.complementarity = r.complementarity.max(relative(products, weight * (1.0 + scale)));
-        self.refuse_nan(excess + slack + dual + weight);
+        let products = larger((dual * (excess - slack)).abs(), ((weight - dual) * slack).abs());
+        if self.is_in_question(primal, sign, products, excess + slack + dual + weight) {
+            let r = &mut self.residuals;
+            r.primal = larger(r.primal, relative(primal, scale));
+            r.dual = larger(r.dual, relative(sign, weight));
+            r.complementarity = larger(r.complementarity, relative(products, weight * (1.0 + scale)));
+        }
     }
 
     /// A row `excess ≤ 0` with multiplier `dual` ≥ 0.
     fn hard_row(&mut self, excess: f64, dual: f64, scale: f64) {
-        let r = &mut self.residuals;
-        r.primal = r.primal.max(relative(excess.max(0.0), scale));
-        r.dual = r.dual.max(relative((-dual).max(0.0), dual.abs()));
-        r.complementarity =
-            r.complementarity.max(relative((dual * excess).abs(), dual.abs() * (1.0 + scale)));
-        self.refuse_nan(excess + dual);
+        let (primal, sign, product) = (positive(excess), positive(-dual), (dual * excess).abs());
+        if self.is_in_question(primal, sign, product, excess + dual) {
+            let r = &mut self.residuals;
+            r.primal = larger(r.primal, relative(primal, scale));
+            r.dual = larger(r.dual, relative(sign, dual.abs()));
+            r.complementarity = larger(r.complementarity, relative(product, dual.abs() * (1.0 + scale)));
+        }
+    }
+
+    /// Whether there is anything to be measured of a row: mostly all three are 0. What is not finite, as `probe` tells
+    /// (comparisons do not), is refused.
+    fn is_in_question(&mut self, primal: f64, dual: f64, product: f64, probe: f64) -> bool {
+        if !probe.is_finite() {
+            self.residuals = Residuals::REFUSED;
+        }
+        primal != 0.0 || dual != 0.0 || product != 0.0
     }
 
     fn bounds(&mut self, x: f64, interval: Interval, duals: [f64; 2], gradient: &mut Gradient) {
@@ -154,13 +173,6 @@ impl Check {
 
     fn stationary(&mut self, gradient: &Gradient) {
         let r = &mut self.residuals;
-        r.stationarity = r.stationarity.max(relative(gradient.sum.abs(), gradient.scale));
-    }
-
-    /// `f64::max` forgets NaN; this does not.
-    fn refuse_nan(&mut self, probe: f64) {
-        if !probe.is_finite() {
-            self.residuals = Residuals::REFUSED;
-        }
+        r.stationarity = larger(r.stationarity, relative(gradient.sum.abs(), gradient.scale));
     }
 }
