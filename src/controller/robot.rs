@@ -225,7 +225,8 @@ impl RobotController {
         }
         let near = work.near.list();
         telemetry.clearance_m = clearance(law, fleet, self.index, near);
-        let aim = self.aim(law, fleet, near, (&mut work.listed, &mut work.predictions));
+        let aim =
+            self.aim(law, fleet, (near, work.around.robots()), (&mut work.listed, &mut work.predictions));
         Self::note(law, &aim, telemetry);
 
         let ahead = unit(own.theta_rad);
@@ -305,7 +306,7 @@ impl RobotController {
         &mut self,
         law: &Law,
         fleet: &[RobotState],
-        near: &[Nearby],
+        (near, ground): (&[Nearby], &[u32]),
         (listed, predictions): (&mut Listed, &mut Predictions),
     ) -> Aim {
         let own = &fleet[self.index];
@@ -326,7 +327,7 @@ impl RobotController {
         }
         let keep_m = law.limits.safety_margin_m + own.radius_m;
         let show = |index: usize| shows(law, &fleet[index], law.foreign_speed_mps[index].is_some());
-        let shown = listed.list(here, near, &show, |radius_m| keep_m + radius_m + 2.0 * doubt_m);
+        let shown = listed.list(here, (near, ground), &show, |radius_m| keep_m + radius_m + 2.0 * doubt_m);
         self.near_views.clear();
         self.near_views.extend(self.views.iter().filter(|o| o.clearance(here).1 < OBSTACLE_RANGE_M));
         self.near_views.sort_unstable_by(|a, b| a.clearance(here).1.total_cmp(&b.clearance(here).1));

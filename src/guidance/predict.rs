@@ -1,7 +1,8 @@
 //! Where a robot will be, as everybody near it expects: turning to the heading that it published, holding it for
 //! `hold_s`, then steering to its target.
 //!
-//! It depends on that robot alone, so it is worked out once a period, when somebody asks for it first.
+//! It depends on that robot alone, so it is worked out once a period, when somebody asks for it first; for those that
+//! stand around it as well, which are asked for soon, side by side.
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
@@ -27,9 +28,9 @@ pub(super) struct Path {
 #[derive(Debug, Clone)]
 pub struct Predictions {
     period: u32,
-    robots: usize,
-    /// By place in the order of the ground, then by lane for those that have none; the period in which each path was worked out.
+    /// The period in which the paths of each row of places were worked out.
     known: Vec<u32>,
+    /// By place in the order of the ground, then by lane for those that have none.
     paths: Vec<Path>,
 }
 
@@ -37,8 +38,8 @@ impl Predictions {
     /// With room for a fleet of `robots`.
     pub fn for_robots(robots: usize) -> Self {
         let nowhere = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
-        let places = robots + NEIGHBOURS_MAX;
-        Self { period: 0, robots, known: vec![0; places], paths: vec![nowhere; places] }
+        let rows = robots.div_ceil(WIDTH);
+        Self { period: 0, known: vec![0; rows], paths: vec![nowhere; rows * WIDTH + NEIGHBOURS_MAX] }
     }
 
     /// Forgets the last period.
@@ -50,21 +51,27 @@ impl Predictions {
         }
     }
 
-    /// Works out where the first `count` neighbours will be, as far as nobody has asked before; several side by side.
+    /// Works out where the first `count` neighbours will be, as far as nobody has asked before.
     pub(super) fn learn(&mut self, neighbours: &Shown, count: usize, turn: Turn, params: &Params) {
-        let mut row = Row::empty();
         for lane in 0..count {
             let place = self.place(neighbours, lane);
-            // Who has no place is another one each time.
-            if self.known[place] != self.period || place >= self.robots {
-                self.known[place] = self.period;
-                row.push(place, &neighbours.who(lane), params);
-                if row.count == WIDTH {
-                    row.drive(turn, params, &mut self.paths);
+            match self.known.get_mut(place / WIDTH) {
+                Some(known) if *known == self.period => {}
+                Some(known) => {
+                    *known = self.period;
+                    self.drive(place - place % WIDTH, neighbours.row(place / WIDTH), turn, params);
                 }
+                // Who has no place is another one each time.
+                None => self.drive(place, std::iter::once(neighbours.who(lane)), turn, params),
             }
         }
-        row.drive(turn, params, &mut self.paths);
+    }
+
+    /// Works out where these robots will be, which stand in the places from `first` on.
+    fn drive(&mut self, first: usize, robots: impl Iterator<Item = Neighbour>, turn: Turn, params: &Params) {
+        let mut row = Row::empty();
+        robots.for_each(|n| row.push(&n, params));
+        row.drive(turn, params, &mut self.paths[first..first + row.count]);
     }
 
     /// Where the neighbour of this lane will be, once it has been worked out.
@@ -73,7 +80,7 @@ impl Predictions {
     }
 
     fn place(&self, neighbours: &Shown, lane: usize) -> usize {
-        (neighbours.place(lane) as usize).min(self.robots + lane)
+        (neighbours.place(lane) as usize).min(self.known.len() * WIDTH + lane)
     }
 }
 
@@ -117,7 +124,6 @@ struct Places {
 /// stays there.
 struct Row {
     count: usize,
-    place: [usize; WIDTH],
     heading_rad: Wide,
     published_rad: Wide,
     target_x_m: Wide,
@@ -130,7 +136,6 @@ impl Row {
         let none = [0.0; WIDTH];
         Self {
             count: 0,
-            place: [0; WIDTH],
             heading_rad: none,
             published_rad: none,
             target_x_m: none,
@@ -139,9 +144,8 @@ impl Row {
         }
     }
 
-    fn push(&mut self, place: usize, n: &Neighbour, params: &Params) {
+    fn push(&mut self, n: &Neighbour, params: &Params) {
         let lane = self.count;
-        self.place[lane] = place;
         let to = n.intent.target_m - n.position_m;
         self.heading_rad[lane] = single(wrap(n.heading_rad));
         self.published_rad[lane] = single(wrap(n.intent.heading_rad));
@@ -152,20 +156,15 @@ impl Row {
         self.count += 1;
     }
 
-    /// Takes the robots of the row through the horizon, and empties it.
-    fn drive(&mut self, turn: Turn, params: &Params, paths: &mut [Path]) {
-        if self.count == 0 {
-            return;
-        }
+    /// Takes the robots of the row through the horizon.
+    fn drive(&self, turn: Turn, params: &Params, paths: &mut [Path]) {
         let mut places = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
         self.steps(turn, params, &mut places);
-        for lane in 0..self.count {
-            let path = &mut paths[self.place[lane]];
+        for (lane, path) in paths.iter_mut().enumerate() {
             for k in 0..STEPS {
                 (path.x_m[k], path.y_m[k]) = (places.x_m[k][lane], places.y_m[k][lane]);
             }
         }
-        self.count = 0;
     }
 
     fn steps(&self, turn: Turn, params: &Params, places: &mut Places) {
@@ -294,19 +293,21 @@ mod tests {
                 Neighbour { position_m, heading_rad: theta, arrived: kind == 0, intent, ..Neighbour::default() }
             }).collect();
             let mut predictions = Predictions::for_robots(neighbours.len());
-            predictions.begin();
             // Some of them first: what is known stays.
-            with_all(Vec2::zeros(), 0.45, &neighbours, |shown| {
-                predictions.learn(shown, neighbours.len() / 2, turn, &params);
-                predictions.learn(shown, neighbours.len(), turn, &params);
-                for (lane, n) in neighbours.iter().enumerate() {
-                    let path = format!("{:?}", predictions.of(shown, lane));
-                    prop_assert_eq!(path, format!("{:?}", predict(n, turn, &params)));
-                }
-                Ok(())
-            })?;
+            for placed in [true, false] {
+                predictions.begin();
+                with_all(Vec2::zeros(), 0.45, (&neighbours, placed), |shown| {
+                    predictions.learn(shown, neighbours.len() / 2, turn, &params);
+                    predictions.learn(shown, neighbours.len(), turn, &params);
+                    for (lane, n) in neighbours.iter().enumerate() {
+                        let path = format!("{:?}", predictions.of(shown, lane));
+                        prop_assert_eq!(path, format!("{:?}", predict(n, turn, &params)));
+                    }
+                    Ok(())
+                })?;
+            }
             let mut row = Row::empty();
-            neighbours.iter().take(WIDTH).enumerate().for_each(|(place, n)| row.push(place, n, &params));
+            neighbours.iter().for_each(|n| row.push(n, &params));
             let mut all = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
             let mut wide = all;
             row.steps_of_all(turn, &params, &mut all);

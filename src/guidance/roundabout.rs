@@ -13,7 +13,8 @@
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::Params;
-use super::shown::Shown;
+use super::lanes::{Which, bits};
+use super::shown::{Listed, Shown};
 use super::types::{Ego, Limits, NEIGHBOURS_MAX};
 use crate::geometry::Vec2;
 
@@ -29,16 +30,14 @@ pub(super) fn rotation(ego: &Ego, neighbours: &Shown, limits: &Limits, params: &
     }
     let mine = to * (limits.v_max_mps / left);
     let my_time = left / limits.v_max_mps;
-    let meetings = Meetings::of(neighbours, mine, my_time, limits, params);
+    let Meetings { time_s, miss_m, side, lane_m, matter } =
+        Meetings::of(neighbours, mine, my_time, limits, params);
     let (mut left_side, mut right_side) = (Side::default(), Side::default());
-    for at in 0..NEIGHBOURS_MAX {
-        if !meetings.matters[at] {
-            continue;
-        }
-        let (d, miss, lane) = (meetings.distance_m[at], meetings.miss_m[at], meetings.lane_m[at]);
+    for at in matter {
+        let (d, miss, lane) = (neighbours.lanes().distance_m[at], miss_m[at], lane_m[at]);
         // A clear miss on the other side is left alone.
         let keep = if miss >= 0.0 { 1.0 } else { (1.0 + miss / params.lane_wrong_m).max(0.0) };
-        let soon = ((1.0 - meetings.time_s[at] / params.lane_horizon_s) / FADE).clamp(0.0, 1.0);
+        let soon = ((1.0 - time_s[at] / params.lane_horizon_s) / FADE).clamp(0.0, 1.0);
         // Later conflicts count once neighbours close in on both sides: a big ring must not shrink too far first.
         let close = (params.lane_close - d / lane).clamp(0.0, 1.0);
         if keep * soon.max(close) == 0.0 {
@@ -48,7 +47,7 @@ pub(super) fn rotation(ego: &Ego, neighbours: &Shown, limits: &Limits, params: &
         if need <= 0.0 {
             continue;
         }
-        let side = if meetings.side[at] > 0.0 { &mut left_side } else { &mut right_side };
+        let side = if side[at] > 0.0 { &mut left_side } else { &mut right_side };
         side.now_rad = side.now_rad.max(need * keep * soon);
         side.later_rad = side.later_rad.max(need * keep * close);
     }
@@ -67,7 +66,6 @@ struct Side {
 
 /// How the robot meets its neighbours when all drive straight on; one number for each of them.
 struct Meetings {
-    distance_m: [f64; NEIGHBOURS_MAX],
     /// Until they are nearest to each other.
     time_s: [f64; NEIGHBOURS_MAX],
     /// How near that is; positive when the neighbour stays on the left, as the rule wants.
@@ -76,46 +74,40 @@ struct Meetings {
     side: [f64; NEIGHBOURS_MAX],
     /// Width of the lane between them.
     lane_m: [f64; NEIGHBOURS_MAX],
-    matters: [bool; NEIGHBOURS_MAX],
+    matter: Which,
 }
 
 impl Meetings {
     /// Of all of them side by side, without a branch: which of them matter is hard to guess.
     fn of(neighbours: &Shown, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
+        let Listed { x_m, y_m, to_x_m, to_y_m, distance_m, required_m, .. } = neighbours.lanes();
         let none = [0.0; NEIGHBOURS_MAX];
-        let (mut x, mut y, mut to_x, mut to_y, mut lane_m) = (none, none, none, none, none);
-        let mut drives = [false; NEIGHBOURS_MAX];
-        for (at, n) in neighbours.iter().enumerate() {
-            (x[at], y[at]) = (-n.apart_m.x, -n.apart_m.y);
-            let to_target = neighbours.towards_target(at);
-            (to_x[at], to_y[at]) = (to_target.x, to_target.y);
-            lane_m[at] = n.required_m + params.lane_gap_m;
-            drives[at] = !neighbours.is_parked(at);
-        }
         let v_max = limits.v_max_mps;
-        let mut all =
-            Self { distance_m: none, time_s: none, miss_m: none, side: none, lane_m, matters: drives };
+        let mut all = Self { time_s: none, miss_m: none, side: none, lane_m: none, matter: Which(0) };
+        let mut matter = [false; NEIGHBOURS_MAX];
         for at in 0..NEIGHBOURS_MAX {
-            let their_left = (to_x[at] * to_x[at] + to_y[at] * to_y[at]).sqrt();
+            let (x, y, d) = (-x_m[at], -y_m[at], distance_m[at]);
+            let (to_x, to_y) = (to_x_m[at], to_y_m[at]);
+            let their_left = (to_x * to_x + to_y * to_y).sqrt();
             let share = v_max / their_left;
-            let (relative_x, relative_y) = (mine.x - to_x[at] * share, mine.y - to_y[at] * share);
-            let approach = x[at] * relative_x + y[at] * relative_y;
-            let d = (x[at] * x[at] + y[at] * y[at]).sqrt();
+            let (relative_x, relative_y) = (mine.x - to_x * share, mine.y - to_y * share);
+            let approach = x * relative_x + y * relative_y;
             let speed = (relative_x * relative_x + relative_y * relative_y).sqrt();
             let time = approach / speed / speed;
-            let miss = (relative_x * y[at] - relative_y * x[at]) / speed;
-            (all.distance_m[at], all.time_s[at], all.miss_m[at]) = (d, time, miss);
-            all.side[at] = mine.x * y[at] - mine.y * x[at];
+            let miss = (relative_x * y - relative_y * x) / speed;
+            let lane = required_m[at] + params.lane_gap_m;
+            (all.time_s[at], all.miss_m[at], all.lane_m[at]) = (time, miss, lane);
+            all.side[at] = mine.x * y - mine.y * x;
             // They come nearer, neither is at its target before they meet, and it is no clear miss.
-            all.matters[at] = drives[at]
-                & (their_left >= 1e-6)
+            matter[at] = (their_left >= 1e-6)
                 & (approach > 0.0)
                 & (speed >= 1e-3)
                 & (d >= 1e-6)
                 & (time <= my_time)
                 & (time <= their_left / v_max)
-                & (miss < lane_m[at]);
+                & (miss < lane);
         }
+        all.matter = Which(bits(matter) & neighbours.driving().0);
         all
     }
 }

@@ -345,7 +345,7 @@ mod tests {
             }).collect();
             let mut predictions = Predictions::for_robots(neighbours.len());
             predictions.begin();
-            with_all(here, 0.45, &neighbours, |shown| {
+            with_all(here, 0.45, (&neighbours, true), |shown| {
             let scene = Scene::new(
                 &ego, target_m, shown, &obstacles, &limits, &params, &mut predictions, patience,
             );

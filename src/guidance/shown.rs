@@ -1,9 +1,11 @@
 //! The robots that one robot is shown, and where they stand, side by side: most rules only have to see that nobody is
 //! near enough for them. What else a robot shows is worked out for the few rules that ask.
 
-use super::lanes::{Which, bits};
+use super::lanes::{WIDTH, Which, bits};
 use super::types::{NEIGHBOURS_MAX, Neighbour, Seen};
 use crate::geometry::Vec2;
+#[cfg(test)]
+use crate::neighbours::NO_PLACE;
 use crate::neighbours::Nearby;
 
 /// Share by which a distance is enlarged so that rounding cannot lose a neighbour.
@@ -20,14 +22,14 @@ pub struct Listed {
     index: [usize; NEIGHBOURS_MAX],
     place: [u32; NEIGHBOURS_MAX],
     /// From each of them to the robot, m; infinitely far where there is none.
-    x_m: Lanes,
-    y_m: Lanes,
-    distance_m: Lanes,
+    pub(super) x_m: Lanes,
+    pub(super) y_m: Lanes,
+    pub(super) distance_m: Lanes,
     /// From each of them to its target, m.
-    to_x_m: Lanes,
-    to_y_m: Lanes,
+    pub(super) to_x_m: Lanes,
+    pub(super) to_y_m: Lanes,
     /// Centre distance to keep, m.
-    required_m: Lanes,
+    pub(super) required_m: Lanes,
     /// How long those that have not arrived have been without progress, s.
     blocked_s: Lanes,
     /// Those that have arrived, as bits.
@@ -38,17 +40,19 @@ pub struct Listed {
 #[derive(Clone, Copy)]
 pub struct Shown<'a> {
     listed: &'a Listed,
+    /// Indices of the robots in the order of the ground.
+    ground: &'a [u32],
     show: &'a dyn Fn(usize) -> Neighbour,
 }
 
 impl Listed {
-    /// Lists the first of `near` for a robot at `here`, nearest first. `show` says what the robot of an index shows,
-    /// `required_m` the distance to keep from one of this radius.
+    /// Lists the first of `near` for a robot at `here`, nearest first; `ground` are the indices of all robots by place.
+    /// `show` says what the robot of an index shows, `required_m` the distance to keep from one of this radius.
     #[inline]
     pub fn list<'a>(
         &'a mut self,
         here: Vec2,
-        near: &[Nearby],
+        (near, ground): (&[Nearby], &'a [u32]),
         show: &'a impl Fn(usize) -> Neighbour,
         required_m: impl Fn(f64) -> f64,
     ) -> Shown<'a> {
@@ -71,7 +75,7 @@ impl Listed {
             (self.distance_m[lane], self.required_m[lane]) = (f64::INFINITY, 0.0);
             self.blocked_s[lane] = f64::NEG_INFINITY;
         }
-        Shown { listed: self, show }
+        Shown { listed: self, ground, show }
     }
 }
 
@@ -111,6 +115,13 @@ impl<'a> Shown<'a> {
         self.listed.place[lane]
     }
 
+    /// What those show that stand in this row of places.
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Neighbour> {
+        let first = (row * WIDTH).min(self.ground.len());
+        let places = &self.ground[first..self.ground.len().min(first + WIDTH)];
+        places.iter().map(|index| (self.show)(*index as usize))
+    }
+
     /// From the one of this lane to its target, m.
     #[inline]
     pub(super) fn towards_target(&self, lane: usize) -> Vec2 {
@@ -121,6 +132,18 @@ impl<'a> Shown<'a> {
     #[inline]
     pub(super) fn is_parked(&self, lane: usize) -> bool {
         (self.listed.parked >> lane) & 1 == 1
+    }
+
+    /// Numbers of all of them side by side.
+    #[inline]
+    pub(super) fn lanes(&self) -> &'a Listed {
+        self.listed
+    }
+
+    /// Those that have not arrived.
+    #[inline]
+    pub(super) fn driving(&self) -> Which {
+        Which(((1 << self.listed.count) - 1) & !self.listed.parked)
     }
 
     /// Those that have arrived.
@@ -149,20 +172,21 @@ fn which(holds: impl Fn(usize) -> bool) -> Which {
     Which(bits(std::array::from_fn(holds)))
 }
 
-/// Gives `look` these neighbours, listed for a robot at `here` that keeps `required_m` from each of them.
+/// Gives `look` these neighbours, with places or without, listed for a robot at `here` that keeps `required_m` from each.
 #[cfg(test)]
 pub(super) fn with_all<T>(
     here: Vec2,
     required_m: f64,
-    neighbours: &[Neighbour],
+    (neighbours, placed): (&[Neighbour], bool),
     look: impl FnOnce(&Shown) -> T,
 ) -> T {
     let near = (0..).zip(neighbours).map(|(place, n)| {
         let distance_m = (n.position_m - here).norm();
-        Nearby { distance_m, id: n.id, index: place as usize, place }
+        Nearby { distance_m, id: n.id, index: place as usize, place: if placed { place } else { NO_PLACE } }
     });
     let (near, mut listed) = (near.collect::<Vec<_>>(), Listed::default());
-    look(&listed.list(here, &near, &|index: usize| neighbours[index], |_| required_m))
+    let ground: Vec<u32> = (0..).take(near.len()).collect();
+    look(&listed.list(here, (&near, &ground), &|index: usize| neighbours[index], |_| required_m))
 }
 
 #[cfg(test)]
@@ -188,6 +212,7 @@ mod tests {
                 let intent = Intent { blocked_s, ..Intent::default() };
                 Neighbour { position_m, target_m, radius_m, arrived, intent, ..Neighbour::default() }
             };
+            let ground: Vec<u32> = (0..robots.len()).rev().map(|index| u32::try_from(index).unwrap()).collect();
             let mut listed = Listed::default();
             for (near, own_m) in &lists {
                 let here = Vec2::new(*own_m, -own_m);
@@ -197,8 +222,10 @@ mod tests {
                     Nearby { distance_m, id: 0, index, place: u32::try_from(2 * index).unwrap() }
                 }).collect();
                 near.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-                let shown = listed.list(here, &near, &show, |radius_m| own_m + radius_m);
+                let shown = listed.list(here, (&near, &ground), &show, |radius_m| own_m + radius_m);
                 near.truncate(NEIGHBOURS_MAX);
+                let all: Vec<Neighbour> = (0..3).flat_map(|row| shown.row(row)).collect();
+                prop_assert_eq!(all, (0..robots.len()).rev().map(show).collect::<Vec<_>>());
                 prop_assert_eq!((shown.len(), shown.iter().count()), (near.len(), near.len()));
                 for (lane, (seen, near)) in shown.iter().zip(&near).enumerate() {
                     let who = show(near.index);
@@ -213,6 +240,7 @@ mod tests {
                     all.map(|n| n.lane).collect()
                 };
                 prop_assert_eq!(shown.parked().collect::<Vec<_>>(), lanes(&|_, who| who.arrived));
+                prop_assert_eq!(shown.driving().collect::<Vec<_>>(), lanes(&|_, who| !who.arrived));
                 prop_assert_eq!(
                     shown.waiting(wait_s).collect::<Vec<_>>(),
                     lanes(&|_, who| !who.arrived && who.intent.blocked_s >= wait_s)

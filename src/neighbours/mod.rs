@@ -110,6 +110,11 @@ impl Surroundings {
         }));
     }
 
+    /// Indices of the robots by [`Nearby::place`].
+    pub fn robots(&self) -> &[u32] {
+        &self.sorted
+    }
+
     /// Indices of all places in the order of the ground: whose robots are near in it are near there. Free
     /// places are spread among them.
     pub fn order(&self) -> &[u32] {
