@@ -64,6 +64,13 @@ impl Grid {
     ///
     /// More points than the capacity would allocate.
     pub fn build(&mut self, points: impl Iterator<Item = Vec2>) {
+        self.take(points);
+        self.put(|_| {});
+    }
+
+    /// The first half of [`build`](Self::build): counts the points of each cell.
+    #[inline]
+    pub(crate) fn take(&mut self, points: impl Iterator<Item = Vec2>) {
         self.starts.fill(0);
         let mut cells = std::mem::take(&mut self.cells);
         cells.clear();
@@ -72,19 +79,26 @@ impl Grid {
             cells.push(cell);
             self.starts[cell as usize + 1] += 1;
         }
+        self.cells = cells;
+    }
+
+    /// The second half: puts them down, and tells the place of each in [`order`](Self::order), in the order in
+    /// which they came.
+    #[inline]
+    pub(crate) fn put(&mut self, mut told: impl FnMut(usize)) {
         let mut before = 0;
         for start in &mut self.starts[1..] {
             // Shifted by one cell: each start moves on to the cell's end while its points are put down.
             (*start, before) = (before, before + *start);
         }
-        self.order.clear();
-        self.order.resize(cells.len(), 0);
-        for (index, cell) in (0u32..).zip(&cells) {
-            let place = &mut self.starts[*cell as usize + 1];
-            self.order[*place as usize] = index;
-            *place += 1;
+        self.order.resize(self.cells.len(), 0);
+        for (index, cell) in (0u32..).zip(&self.cells) {
+            let end = &mut self.starts[*cell as usize + 1];
+            let place = *end as usize;
+            self.order[place] = index;
+            told(place);
+            *end += 1;
         }
-        self.cells = cells;
     }
 
     /// Indices of the points, cell by cell.
@@ -94,7 +108,8 @@ impl Grid {
 
     /// Calls `each` with ranges of [`order`](Self::order) that together hold every point within
     /// `reach_m` of `p`, none of them twice, and some that are farther.
-    #[inline]
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "compiled for wider registers as a part of its caller")]
     pub fn near(&self, p: Vec2, reach_m: f64, mut each: impl FnMut(Range<usize>)) {
         let span = |x: f64| {
             let (low, high) = (self.along(x - reach_m), self.along(x + reach_m));
@@ -102,21 +117,17 @@ impl Grid {
             (low, high.min(low.saturating_add(self.mask)))
         };
         let ((left, right), (bottom, top)) = (span(p.x), span(p.y));
+        let (left, right) = (left & self.mask, right & self.mask);
+        // Rows that go on at their beginning are two parts.
+        let (whole, halves) = ([(left, right); 1], [(0, right), (left, self.mask)]);
+        let parts = if left <= right { &whole[..] } else { &halves };
         for row in bottom..=top {
-            let (from, to) = (self.slot(left, row) as usize, self.slot(right, row) as usize);
-            let mut cells = |first: usize, last: usize| {
+            for &(left, right) in parts {
+                let (first, last) = (self.slot(left, row) as usize, self.slot(right, row) as usize);
                 let range = self.starts[first] as usize..self.starts[last + 1] as usize;
                 if !range.is_empty() {
                     each(range);
                 }
-            };
-            if from <= to {
-                cells(from, to);
-            } else {
-                // The row goes on at its beginning.
-                let first = self.slot(0, row) as usize;
-                cells(first, to);
-                cells(from, self.slot(self.mask, row) as usize);
             }
         }
     }

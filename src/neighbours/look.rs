@@ -19,6 +19,8 @@ pub(super) struct Found {
 pub(super) struct Circle {
     pub(super) centre_m: Vec2,
     pub(super) radius_m: f64,
+    /// Place of the robot that looks, and is not found.
+    pub(super) own: u32,
 }
 
 impl Found {
@@ -38,18 +40,14 @@ impl Found {
         &self.squares_m2
     }
 
-    /// Takes out one of them; the last one takes its place.
-    pub(super) fn remove(&mut self, at: usize) {
-        self.count -= 1;
-        self.places.swap(at, self.count);
-        self.squares_m2.swap(at, self.count);
-    }
-
-    /// Finds the points of `grid` inside of `circle`, whose positions are `x_m` and `y_m` in its order.
+    /// Finds the others of the points of `grid` inside of `circle`, whose positions are `x_m` and `y_m` in its order.
     pub(super) fn look(&mut self, grid: &Grid, circle: Circle, x_m: &[f64], y_m: &[f64]) {
         self.count = 0;
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx512f") && std::arch::is_x86_feature_detected!("avx512vl") {
+        if std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512vl")
+            && std::arch::is_x86_feature_detected!("popcnt")
+        {
             // SAFETY: the processor has what the function was compiled for.
             return unsafe { self.look_avx512(grid, circle, x_m, y_m) };
         }
@@ -59,7 +57,7 @@ impl Found {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx512vl")]
+    #[target_feature(enable = "avx512f,avx512vl,popcnt")]
     fn look_avx512(&mut self, grid: &Grid, circle: Circle, x_m: &[f64], y_m: &[f64]) {
         grid.near(circle.centre_m, circle.radius_m, |row| {
             self.add_avx512(circle, row.start, &x_m[row.clone()], &y_m[row]);
@@ -74,15 +72,16 @@ impl Found {
             let (x_m, y_m) = (x_m - circle.centre_m.x, y_m - circle.centre_m.y);
             let square_m2 = x_m * x_m + y_m * y_m;
             // Written in any case and kept if it is near: nothing to guess for the processor.
-            (self.places[count], self.squares_m2[count]) = ((first + at) as u32, square_m2);
-            count += usize::from(square_m2 <= radius_m2);
+            let place = (first + at) as u32;
+            (self.places[count], self.squares_m2[count]) = (place, square_m2);
+            count += usize::from((square_m2 <= radius_m2) & (place != circle.own));
         }
         self.count = count;
     }
 
     /// [`add_each`](Self::add_each) with the same operations, eight at a time.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx512vl")]
+    #[target_feature(enable = "avx512f,avx512vl,popcnt")]
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
@@ -91,12 +90,14 @@ impl Found {
     )]
     fn add_avx512(&mut self, circle: Circle, first: usize, x_m: &[f64], y_m: &[f64]) {
         use std::arch::x86_64::{
-            _CMP_LE_OQ, _mm256_add_epi32, _mm256_maskz_compress_epi32, _mm256_set1_epi32, _mm256_setr_epi32,
-            _mm256_storeu_si256, _mm512_add_pd, _mm512_mask_cmp_pd_mask, _mm512_maskz_compress_pd,
-            _mm512_maskz_loadu_pd, _mm512_mul_pd, _mm512_set1_pd, _mm512_storeu_pd, _mm512_sub_pd,
+            _CMP_LE_OQ, _mm256_add_epi32, _mm256_mask_cmpneq_epi32_mask, _mm256_maskz_compress_epi32,
+            _mm256_set1_epi32, _mm256_setr_epi32, _mm256_storeu_si256, _mm512_add_pd,
+            _mm512_mask_cmp_pd_mask, _mm512_maskz_compress_pd, _mm512_maskz_loadu_pd, _mm512_mul_pd,
+            _mm512_set1_pd, _mm512_storeu_pd, _mm512_sub_pd,
         };
         let (here_x, here_y) = (_mm512_set1_pd(circle.centre_m.x), _mm512_set1_pd(circle.centre_m.y));
         let radius = _mm512_set1_pd(circle.radius_m * circle.radius_m);
+        let own = _mm256_set1_epi32(circle.own as i32);
         let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         let parts = x_m.chunks(WIDTH).zip(y_m.chunks(WIDTH));
         for ((x_m, y_m), at) in parts.zip((first..).step_by(WIDTH)) {
@@ -108,8 +109,9 @@ impl Found {
             };
             let (x, y) = (_mm512_sub_pd(x, here_x), _mm512_sub_pd(y, here_y));
             let square = _mm512_add_pd(_mm512_mul_pd(x, x), _mm512_mul_pd(y, y));
-            let near = _mm512_mask_cmp_pd_mask::<_CMP_LE_OQ>(there, square, radius);
             let places = _mm256_add_epi32(_mm256_set1_epi32(at as u32 as i32), lanes);
+            let others = _mm256_mask_cmpneq_epi32_mask(there, places, own);
+            let near = _mm512_mask_cmp_pd_mask::<_CMP_LE_OQ>(others, square, radius);
             let (places, square) =
                 (_mm256_maskz_compress_epi32(near, places), _mm512_maskz_compress_pd(near, square));
             let room = self.count..self.count + WIDTH;
@@ -134,14 +136,14 @@ mod tests {
         #[test]
         fn eight_at_a_time_find_the_same(
             points in prop::collection::vec((prop_oneof![-3.0..3.0f64, Just(f64::NAN)], -3.0..3.0f64), 0..80),
-            here_x_m in -1.0..1.0f64, here_y_m in -1.0..1.0f64, radius_m in prop_oneof![0.0..3.0f64, Just(f64::INFINITY)],
+            here_x_m in -1.0..1.0f64, here_y_m in -1.0..1.0f64, radius_m in prop_oneof![0.0..3.0f64, Just(f64::INFINITY)], own in 0..90u32,
         ) {
             let points: Vec<Vec2> = points.iter().map(|(x_m, y_m)| Vec2::new(*x_m, *y_m)).collect();
             let mut grid = Grid::with_capacity(points.len(), 0.9);
             grid.build(points.iter().copied());
             let (x_m, y_m): (Vec<f64>, Vec<f64>) =
                 grid.order().iter().map(|at| points[*at as usize]).map(|p| (p.x, p.y)).unzip();
-            let circle = Circle { centre_m: Vec2::new(here_x_m, here_y_m), radius_m };
+            let circle = Circle { centre_m: Vec2::new(here_x_m, here_y_m), radius_m, own };
             let (mut found, mut each) = (Found::with_capacity(points.len(), 0), Found::with_capacity(points.len(), 0));
             found.look(&grid, circle, &x_m, &y_m);
             grid.near(circle.centre_m, radius_m, |row| {
@@ -149,11 +151,7 @@ mod tests {
             });
             prop_assert_eq!(found.places(), each.places());
             prop_assert_eq!(&found.squares_m2()[..found.count], &each.squares_m2()[..each.count]);
-            if found.count > 1 {
-                let last = found.places()[found.count - 1];
-                found.remove(0);
-                prop_assert_eq!(found.places()[0], last);
-            }
+            prop_assert!(!found.places().contains(&own));
         }
     }
 }

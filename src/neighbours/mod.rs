@@ -35,75 +35,88 @@ pub const NO_PLACE: u32 = u32::MAX;
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     grid: Grid,
-    /// Indices of the places that are taken, as the grid got them, and who stands there and where.
-    taken: Vec<u32>,
-    seen: Vec<(Vec2, u32)>,
-    /// Indices of the others.
+    /// The robots as the grid got them: where they are, their ids and indices.
+    seen: Vec<(Vec2, Who)>,
+    /// Indices of the places that are free.
     free: Vec<u32>,
-    /// Indices of the robots, in the grid's order.
-    sorted: Vec<u32>,
-    /// Where they are, and who.
+    /// Where the robots are, and who, in the grid's order.
     x_m: Vec<f64>,
     y_m: Vec<f64>,
-    ids: Vec<u32>,
-    /// As `sorted`, with the free places spread among them.
+    who: Vec<Who>,
+    /// The place in that order of the robot at each index, or [`NO_PLACE`].
+    places: Vec<u32>,
+    /// The indices in that order, with the free places spread among them; empty without any.
     order: Vec<u32>,
 }
 
+/// A robot's id and its index.
+#[derive(Debug, Clone, Copy, Default)]
+struct Who {
+    id: u32,
+    index: u32,
+}
+
 impl Surroundings {
-    /// With room for a fleet of `robots` and cells of `cell_m`: best about half of the usual reach.
+    /// With room for a fleet of `robots` and cells of `cell_m`: best about as large as the usual reach.
     pub fn with_capacity(robots: usize, cell_m: f64) -> Self {
-        let indices = || Vec::with_capacity(robots);
         Self {
             grid: Grid::with_capacity(robots, cell_m),
-            taken: indices(),
             seen: Vec::with_capacity(robots),
-            free: indices(),
-            sorted: indices(),
+            free: Vec::with_capacity(robots),
             x_m: Vec::with_capacity(robots),
             y_m: Vec::with_capacity(robots),
-            ids: indices(),
-            order: indices(),
+            who: Vec::with_capacity(robots),
+            places: Vec::with_capacity(robots),
+            order: Vec::with_capacity(robots),
         }
     }
 
     /// Takes in where the robots are, in one pass over `fleet`.
     ///
     /// A fleet larger than the capacity would allocate; the controller never passes one.
+    #[expect(clippy::cast_possible_truncation, reason = "a fleet has fewer than 2³² robots")]
     pub fn build<'a>(&mut self, fleet: impl IntoIterator<Item = &'a RobotState>) {
-        self.taken.clear();
         self.free.clear();
         self.seen.clear();
-        let (taken, free, seen) = (&mut self.taken, &mut self.free, &mut self.seen);
-        self.grid.build((0u32..).zip(fleet).filter_map(|(index, robot)| {
+        let (free, seen, places) = (&mut self.free, &mut self.seen, &mut self.places);
+        let (x_m, y_m, who) = (&mut self.x_m, &mut self.y_m, &mut self.who);
+        self.grid.take((0u32..).zip(fleet).filter_map(|(index, robot)| {
             if robot.has(state_flags::VACANT) {
                 free.push(index);
                 return None;
             }
-            taken.push(index);
-            seen.push((robot.position_m(), robot.id));
+            seen.push((robot.position_m(), Who { id: robot.id, index }));
             Some(robot.position_m())
         }));
-        self.sorted.clear();
-        self.x_m.clear();
-        self.y_m.clear();
-        self.ids.clear();
-        for at in self.grid.order() {
-            let (position_m, id) = self.seen[*at as usize];
-            self.sorted.push(self.taken[*at as usize]);
-            self.x_m.push(position_m.x);
-            self.y_m.push(position_m.y);
-            self.ids.push(id);
+        let robots = seen.len();
+        x_m.resize(robots, 0.0);
+        y_m.resize(robots, 0.0);
+        who.resize(robots, Who::default());
+        places.resize(robots + free.len(), 0);
+        for index in free.iter() {
+            places[*index as usize] = NO_PLACE;
         }
-        // Spread evenly, so that parts of equal length have equally many robots.
-        let places = self.sorted.len() + self.free.len();
-        let (mut robots, mut free, mut passed) = (self.sorted.iter().copied(), self.free.iter().copied(), 0);
+        let mut robots = seen.iter();
+        self.grid.put(|place| {
+            let Some(&(position_m, robot)) = robots.next() else { return };
+            (x_m[place], y_m[place], who[place]) = (position_m.x, position_m.y, robot);
+            places[robot.index as usize] = place as u32;
+        });
+        if !self.free.is_empty() {
+            self.spread();
+        }
+    }
+
+    /// Spreads the free places evenly, so that parts of equal length have equally many robots.
+    fn spread(&mut self) {
         self.order.clear();
+        let places = self.who.len() + self.free.len();
+        let (mut robots, mut free, mut passed) = (self.who.iter(), self.free.iter().copied(), 0);
         self.order.extend((0..places).filter_map(|_| {
-            passed += self.sorted.len();
+            passed += self.who.len();
             if passed >= places {
                 passed -= places;
-                robots.next()
+                robots.next().map(|robot| robot.index)
             } else {
                 free.next()
             }
@@ -118,7 +131,7 @@ impl Surroundings {
     /// Indices of all places in the order of the ground: whose robots are near in it are near there. Free
     /// places are spread among them.
     pub fn order(&self) -> &[u32] {
-        &self.order
+        if self.free.is_empty() { self.grid.order() } else { &self.order }
     }
 }
 
@@ -207,24 +220,19 @@ impl Neighbourhood {
         &self.list[..self.listed]
     }
 
-    /// Finds the robots within `range_m`, in any order; how many.
+    /// Finds the other robots within `range_m`, in any order; how many.
     fn within(&mut self, around: &Surroundings, fleet: &[RobotState], me: usize, range_m: f64) -> usize {
         let found = &mut self.found;
-        let circle = Circle { centre_m: fleet[me].position_m(), radius_m: range_m };
+        let circle = Circle { centre_m: fleet[me].position_m(), radius_m: range_m, own: around.places[me] };
         found.look(&around.grid, circle, &around.x_m, &around.y_m);
-        // Without oneself.
-        let is_me = |at: &u32| around.sorted[*at as usize] as usize == me;
-        if let Some(own) = found.places().iter().position(is_me) {
-            found.remove(own);
-        }
         found.places().len()
     }
 
     /// Lists those found, nearest first.
     fn sort(&mut self, around: &Surroundings) {
         let near = |at: u32, distance_m: f64| {
-            let (place, at) = (at, at as usize);
-            Nearby { distance_m, id: around.ids[at], index: around.sorted[at] as usize, place }
+            let (place, Who { id, index }) = (at, around.who[at as usize]);
+            Nearby { distance_m, id, index: index as usize, place }
         };
         let (places, squares_m2) = (self.found.places(), self.found.squares_m2());
         let count = places.len();
@@ -242,7 +250,7 @@ impl Neighbourhood {
             if taken.count_ones() as usize == count {
                 return;
             }
-            // Some are equally far.
+            // Some are equally far, or nearly so.
         }
         let list = &mut self.list[..count];
         for (n, (at, squared_m2)) in list.iter_mut().zip(places.iter().zip(squares_m2)) {
@@ -309,7 +317,7 @@ mod tests {
         fleet.extend((0..10).map(|k| at(k, 0.01 * f64::from(k), 0.0)));
         let mut around = Surroundings::with_capacity(fleet.len(), 1.0);
         around.build(&fleet);
-        assert_eq!((around.grid.order().len(), around.sorted.len()), (10, 10));
+        assert_eq!((around.grid.order().len(), around.who.len()), (10, 10));
         let mut places = around.order().to_vec();
         for part in places.chunks(20) {
             assert_eq!(part.iter().filter(|index| **index >= 90).count(), 2, "{places:?}");
@@ -343,9 +351,7 @@ mod tests {
             let reach = Sight { all_m, nearest_m, nearest };
             let mut around = Surroundings::with_capacity(fleet.len(), 1.0);
             around.build(&fleet);
-            let place = |index: usize| {
-                (0..).zip(&around.sorted).find(|(_, sorted)| **sorted as usize == index).unwrap().0
-            };
+            let place = |index: usize| around.places[index];
             for (me, own) in fleet.iter().enumerate() {
                 let mut brute: Vec<Nearby> = fleet.iter().enumerate()
                     .filter(|(index, _)| *index != me)

@@ -10,19 +10,22 @@ pub(super) const RANKED_MAX: usize = 32;
 /// One number for each of those that are ranked.
 pub(super) type Lanes = [f64; RANKED_MAX];
 
+/// The same numbers, near enough to tell which is the smaller one. Those that are so near to each other that
+/// they become equal have the same rank.
+type Keys = [f32; RANKED_MAX];
+
 /// Numbers with their ranks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ranked {
     pub(super) numbers: Lanes,
-    counts: Lanes,
+    counts: Keys,
 }
 
 /// From here to twice as far, floating-point numbers are the integers, and their last bits say which.
-const INTEGERS: f64 = (1_u64 << 52) as f64;
+const INTEGERS: f32 = (1_u32 << 23) as f32;
 
 impl Ranked {
-    /// How many of the numbers are smaller than number `k`.
-    #[expect(clippy::cast_possible_truncation, reason = "no more than 32")]
+    /// How many of the numbers are smaller than number `k` by more than what their keys are rounded by.
     #[inline(always)]
     pub(super) fn rank(&self, k: usize) -> usize {
         self.counts[k].to_bits() as usize % (2 * RANKED_MAX)
@@ -58,41 +61,48 @@ fn roots_avx2(numbers: &Lanes, count: usize) -> Ranked {
 }
 
 #[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounded, and never into another order")]
 fn roots_of_all(numbers: &Lanes, count: usize) -> Ranked {
-    let mut roots = [0.0; RANKED_MAX];
-    for (root, number) in roots.iter_mut().zip(numbers) {
-        *root = number.sqrt();
+    let (mut roots, mut keys) = ([0.0; RANKED_MAX], [0.0; RANKED_MAX]);
+    for ((root, key), number) in roots.iter_mut().zip(&mut keys).zip(numbers) {
+        (*root, *key) = (number.sqrt(), *number as f32);
     }
     // Counted in floating point: such sums are not to be regrouped, so that all lanes take one step together.
     let mut counts = [INTEGERS; RANKED_MAX];
     for k in 0..count.min(RANKED_MAX) {
-        let other = roots[k];
+        let other = keys[k];
         for lane in 0..RANKED_MAX {
-            counts[lane] += if other < roots[lane] { 1.0 } else { 0.0 };
+            counts[lane] += if other < keys[lane] { 1.0 } else { 0.0 };
         }
     }
     Ranked { numbers: roots, counts }
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "the keys")]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     proptest! {
         /// The roots are those of the numbers, and the ranks their places after sorting, the first of them for
-        /// equal ones; whatever the width of the registers.
+        /// those that are equal or nearly so; whatever the width of the registers.
         #[test]
-        fn ranks_are_places(squares in prop::collection::vec(prop_oneof![0.0..9.0f64, Just(4.0)], 0..=RANKED_MAX)) {
+        fn ranks_are_places(
+            squares in prop::collection::vec(
+                prop_oneof![0.0..9.0f64, Just(4.0), Just(4.0f64.next_up()), Just(0.0), Just(1e300), 0.0..1e-300f64],
+                0..=RANKED_MAX,
+            ),
+        ) {
             let count = squares.len();
             let mut numbers = [7.0; RANKED_MAX];
             numbers[..count].copy_from_slice(&squares);
-            let mut sorted: Vec<f64> = squares.iter().map(|square| square.sqrt()).collect();
-            sorted.sort_by(f64::total_cmp);
+            let mut sorted: Vec<f32> = squares.iter().map(|square| *square as f32).collect();
+            sorted.sort_by(f32::total_cmp);
             let ranked = roots_of_all(&numbers, count);
             for (k, square) in squares.iter().enumerate() {
                 prop_assert_eq!(ranked.numbers[k], square.sqrt());
-                prop_assert_eq!(sorted.iter().position(|root| *root == square.sqrt()), Some(ranked.rank(k)));
+                prop_assert_eq!(sorted.iter().position(|key| *key == *square as f32), Some(ranked.rank(k)));
             }
             prop_assert_eq!(roots(&numbers, count), ranked);
             #[cfg(target_arch = "x86_64")]
