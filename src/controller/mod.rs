@@ -177,8 +177,8 @@ impl Law {
         BODIES_MAX + self.obstacles.len()
     }
 
-    /// Takes in what is the same for all robots in this period.
-    fn prepare(&mut self, fleet: &[RobotState], timing: Timing) {
+    /// Takes in what does not depend on the states of this period, before its robots are shown to a [`Survey`].
+    fn begin(&mut self, timing: Timing) {
         let (ahead_s, foreign_periods) = match timing {
             Timing::LogicalExecutionTime => (self.period_s, 2.0),
             Timing::Ideal => (0.0, 1.0),
@@ -189,35 +189,28 @@ impl Law {
         let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
         self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
+        self.strangers.clear();
+    }
+
+    /// Takes in what was seen of all robots.
+    fn end(&mut self, survey: Survey) {
         let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
-        let on_its_way = fleet.iter().filter(|robot| robot.has(state_flags::MAY_STAND));
-        self.longest_way_m = on_its_way.map(|robot| self.way_m(robot)).reduce(f64::max);
-        let unseen_m = self.find_strangers(fleet);
-        self.unknown_m = self.untrusted_m.max(unseen_m + way_m) + self.lost_m;
+        self.strangers = survey.strangers;
+        self.largest_radius_m = survey.largest_radius_m;
+        self.longest_way_m = survey.longest_way_m;
+        self.unknown_m = self.untrusted_m.max(survey.unseen_m + way_m) + self.lost_m;
         self.largest_sight = self.sight_of_radius(self.largest_radius_m);
     }
 
-    /// Lists the strangers of this period, and notes the largest radius of all; the largest uncertainty of the
-    /// others, m.
-    fn find_strangers(&mut self, fleet: &[RobotState]) -> f64 {
-        self.strangers.clear();
-        let (mut unseen_m, mut nowhere) = (0.0f64, false);
-        self.largest_radius_m = 0.0;
+    /// Takes in what is the same for all robots in this period.
+    #[cfg(test)]
+    fn prepare(&mut self, fleet: &[RobotState], timing: Timing) {
+        self.begin(timing);
+        let mut survey = Survey::in_place_of(&mut self.strangers);
         for (index, robot) in fleet.iter().enumerate() {
-            self.largest_radius_m = self.largest_radius_m.max(robot.radius_m);
-            if robot.has(state_flags::VACANT) {
-                continue;
-            }
-            let foreign = self.foreign_speed_mps[index].is_some();
-            // One that may be anywhere stops all; a second one changes nothing.
-            let first = !robot.uncertainty_m.is_finite() && !std::mem::replace(&mut nowhere, true);
-            if foreign || first {
-                self.strangers.push(index);
-            } else if robot.uncertainty_m.is_finite() {
-                unseen_m = unseen_m.max(robot.uncertainty_m);
-            }
+            survey.see(self, index, robot);
         }
-        unseen_m
+        self.end(survey);
     }
 
     /// κ of the commands; 0 without disturbances.
@@ -295,6 +288,46 @@ impl Law {
         let printed_m = (required * required + printed::ACTIVATION_M2).sqrt();
         let all_m = if self.control.profile == Profile::Paper { rows_m.max(printed_m) } else { rows_m };
         Sight { all_m, nearest_m: self.guidance.sight_m, nearest: guidance::NEIGHBOURS_MAX }
+    }
+}
+
+/// What one look at all robots of a period finds.
+#[derive(Debug, Default)]
+struct Survey {
+    strangers: Vec<usize>,
+    largest_radius_m: f64,
+    longest_way_m: Option<f64>,
+    /// Largest uncertainty of those that are no strangers, m.
+    unseen_m: f64,
+    /// Somebody may be anywhere.
+    nowhere: bool,
+}
+
+impl Survey {
+    /// Of nobody yet, with the room of this list.
+    fn in_place_of(strangers: &mut Vec<usize>) -> Self {
+        Self { strangers: std::mem::take(strangers), ..Self::default() }
+    }
+
+    /// Looks at one robot.
+    #[inline]
+    fn see(&mut self, law: &Law, index: usize, robot: &RobotState) {
+        if robot.has(state_flags::MAY_STAND) {
+            let way_m = law.way_m(robot);
+            self.longest_way_m = Some(self.longest_way_m.map_or(way_m, |longest_m| longest_m.max(way_m)));
+        }
+        self.largest_radius_m = self.largest_radius_m.max(robot.radius_m);
+        if robot.has(state_flags::VACANT) {
+            return;
+        }
+        let foreign = law.foreign_speed_mps[index].is_some();
+        // One that may be anywhere stops all; a second one changes nothing.
+        let first = !robot.uncertainty_m.is_finite() && !std::mem::replace(&mut self.nowhere, true);
+        if foreign || first {
+            self.strangers.push(index);
+        } else if robot.uncertainty_m.is_finite() {
+            self.unseen_m = self.unseen_m.max(robot.uncertainty_m);
+        }
     }
 }
 
@@ -389,7 +422,8 @@ impl RobotGroup {
         let bodies_max = law.bodies_max();
         let largest_m = scenario.robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
         let speed_mps = law.limits.speed_mps();
-        let cell_m = law.limits.safety_margin_m + 2.0 * largest_m + 2.0 * law.period_s * speed_mps;
+        // About as far as one looks.
+        let cell_m = 2.0 * (law.limits.safety_margin_m + 2.0 * (largest_m + law.period_s * speed_mps));
         Ok(Self {
             owned: owned
                 .map(|index| {
@@ -527,9 +561,12 @@ impl RobotGroup {
         if fleet.len() != self.predicted.len() {
             return false;
         }
-        self.law.prepare(fleet, timing);
+        self.law.begin(timing);
+        let mut survey = Survey::in_place_of(&mut self.law.strangers);
         let law = &self.law;
-        self.workspace.around.build(self.predicted.iter_mut().zip(fleet).map(|(predicted, now)| {
+        let places = self.predicted.iter_mut().zip(fleet).enumerate();
+        self.workspace.around.build(places.map(|(index, (predicted, now))| {
+            survey.see(law, index, now);
             *predicted = *now;
             if timing == Timing::LogicalExecutionTime {
                 predicted.set_pose(now.arc().pose(law.period_s));
@@ -542,6 +579,7 @@ impl RobotGroup {
             }
             &*predicted
         }));
+        self.law.end(survey);
         self.workspace.predictions.begin();
         true
     }
