@@ -218,7 +218,7 @@ impl RobotController {
         let sight = law.sight(own.radius_m);
         let near = work.near.gather(&work.around, fleet, self.index, sight, self.look_m);
         // A little more than was needed this time.
-        self.look_m = near.get(sight.nearest - 1).map_or(f64::INFINITY, |last| 1.1 * last.distance_m);
+        self.look_m = near.get(sight.nearest - 1).map_or(f64::INFINITY, |last| 1.06 * last.distance_m);
         for &stranger in &law.strangers {
             let range_m = law.sight_of_m(own.radius_m, stranger, &fleet[stranger]);
             work.near.add(fleet, self.index, stranger, range_m);
