@@ -45,7 +45,8 @@ pub struct Surroundings {
     who: Vec<Who>,
     /// The place in that order of the robot at each index, or [`NO_PLACE`].
     places: Vec<u32>,
-    /// The indices in that order, with the free places spread among them; empty without any.
+    /// The indices in that order, and with the free places spread among them; of use where there are any.
+    robots: Vec<u32>,
     order: Vec<u32>,
 }
 
@@ -67,6 +68,7 @@ impl Surroundings {
             y_m: Vec::with_capacity(robots),
             who: Vec::with_capacity(robots),
             places: Vec::with_capacity(robots),
+            robots: Vec::with_capacity(robots),
             order: Vec::with_capacity(robots),
         }
     }
@@ -109,6 +111,8 @@ impl Surroundings {
 
     /// Spreads the free places evenly, so that parts of equal length have equally many robots.
     fn spread(&mut self) {
+        self.robots.clear();
+        self.robots.extend(self.who.iter().map(|robot| robot.index));
         self.order.clear();
         let places = self.who.len() + self.free.len();
         let (mut robots, mut free, mut passed) = (self.who.iter(), self.free.iter().copied(), 0);
@@ -125,7 +129,7 @@ impl Surroundings {
 
     /// Indices of the robots by [`Nearby::place`].
     pub fn robots(&self) -> &[u32] {
-        &self.sorted
+        if self.free.is_empty() { self.grid.order() } else { &self.robots }
     }
 
     /// Indices of all places in the order of the ground: whose robots are near in it are near there. Free

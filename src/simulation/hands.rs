@@ -8,7 +8,7 @@ use crate::model::{Command, RobotId};
 use crate::programme::{Programme, Solution};
 use crate::runtime::{Claims, Decider};
 use crate::solver::{ExactSolver, Outcome, Solver};
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, state_flags};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState};
 
 /// What a worker does wrong now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -113,8 +113,10 @@ impl Decider for Hand {
         #[cfg(test)]
         if switch.wrong.get() == Wrong::Trusting {
             switch.note();
-            let nobody_stands =
-                |state: &RobotState| RobotState { flags: state.flags & !state_flags::MAY_STAND, ..*state };
+            let nobody_stands = |state: &RobotState| RobotState {
+                flags: state.flags & !crate::wire::state_flags::MAY_STAND,
+                ..*state
+            };
             let fleet: Vec<RobotState> = fleet.iter().map(nobody_stands).collect();
             return Decider::decide_parts(&mut self.group, (tick, parts), &fleet, remember, &mut answer);
         }
