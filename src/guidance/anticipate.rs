@@ -14,7 +14,7 @@
 use super::Params;
 use super::direction::unit;
 use super::predict::{Predictions, align};
-use super::scene::Scene;
+use super::scene::Asked;
 use super::shown::Shown;
 use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, ObstacleView, Plan};
 use super::{bypass, roundabout};
@@ -50,8 +50,9 @@ pub(super) fn drive(
         // The longer it takes to get past parked robots, the closer it may pass.
         let patience = (1.0 - memory.around.spent_s / params.squeeze_s).clamp(PATIENCE_MIN, 1.0);
         let target_m = memory.intent.target_m;
-        let scene = Scene::new(ego, target_m, neighbours, obstacles, limits, params, predictions, patience);
-        memory.plan = Plan { turn_rad, ..scene.best(memory.intent.heading_rad) };
+        let previous_rad = memory.intent.heading_rad;
+        let asked = Asked { ego, target_m, neighbours, obstacles, limits, params, patience, previous_rad };
+        memory.plan = Plan { turn_rad, ..asked.best(predictions) };
     } else {
         memory.intent.target_m = ego.position_m + turned(to_target, memory.plan.turn_rad);
     }

@@ -98,6 +98,30 @@ impl Area {
     }
 }
 
+/// The columns of these rows.
+#[inline(always)]
+pub(super) fn columns(rows: [[f32; 4]; 4]) -> [[f32; 4]; 4] {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{__m128, _mm_movehl_ps, _mm_movelh_ps, _mm_unpackhi_ps, _mm_unpacklo_ps};
+        let [a, b, c, d]: [__m128; 4] = bytemuck::cast(rows);
+        // SAFETY: every such processor has SSE.
+        let columns = unsafe {
+            let (low, high) = (_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
+            let (low_cd, high_cd) = (_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
+            [
+                _mm_movelh_ps(low, low_cd),
+                _mm_movehl_ps(low_cd, low),
+                _mm_movelh_ps(high, high_cd),
+                _mm_movehl_ps(high_cd, high),
+            ]
+        };
+        bytemuck::cast(columns)
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    std::array::from_fn(|j| rows.map(|row| row[j]))
+}
+
 /// Where the candidates of a row are, their headings, and how far it is from there to the target.
 #[derive(Clone, Copy)]
 pub(super) struct Motion {
@@ -190,6 +214,9 @@ mod tests {
         ) {
             let alive = bits(holds);
             prop_assert_eq!(Which(alive).collect::<Vec<_>>(), (0..WIDTH).filter(|lane| holds[*lane]).collect::<Vec<_>>());
+            let rows: [[f32; 4]; 4] = bytemuck::cast(x);
+            let turned: [[f32; 4]; 4] = std::array::from_fn(|j| rows.map(|row| row[j]));
+            prop_assert_eq!(columns(rows), turned);
             let area = Area::around(&x, &y);
             let ends = |wide: &Wide| (wide.iter().copied().fold(f32::MAX, least), wide.iter().copied().fold(f32::MIN, most));
             prop_assert_eq!(((area.min_x, area.max_x), (area.min_y, area.max_y)), (ends(&x), ends(&y)));

@@ -8,7 +8,7 @@
 #![expect(clippy::inline_always, reason = "compiled for the caller's registers only as a part of it")]
 
 use super::Params;
-use super::lanes::{Area, Which, bits, least, most, single};
+use super::lanes::{Area, Which, bits, columns, least, most, single};
 use super::predict::{Path, STEPS};
 use super::types::NEIGHBOURS_MAX;
 use crate::geometry::Vec2;
@@ -56,7 +56,7 @@ impl Others {
 
     /// Adds a neighbour that stands `offset` from the robot; `distances_m`: the one to keep, within how much beyond it
     /// closeness costs, and from where on it slows others down.
-    #[inline]
+    #[inline(always)]
     pub(super) fn push(&mut self, offset: Vec2, distances_m: [f64; 3], params: &Params) {
         let lane = self.count;
         (self.x_m[0][lane], self.y_m[0][lane]) = (single(offset.x), single(offset.y));
@@ -70,11 +70,11 @@ impl Others {
     }
 
     /// Lays the paths of those added side by side, four by four.
-    #[inline]
-    pub(super) fn lay<'p>(&mut self, path: impl Fn(usize) -> Option<&'p Path>) {
-        let nowhere = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
+    #[inline(always)]
+    pub(super) fn lay<'p>(&mut self, path: impl Fn(usize) -> &'p Path) {
         for first in (0..self.count).step_by(4) {
-            let paths: [&Path; 4] = std::array::from_fn(|i| path(first + i).unwrap_or(&nowhere));
+            // Nobody is nowhere, whatever is added.
+            let paths: [&Path; 4] = std::array::from_fn(|i| path((first + i).min(self.count - 1)));
             lay_four(&mut self.x_m, first, paths.map(|path| &path.x_m));
             lay_four(&mut self.y_m, first, paths.map(|path| &path.y_m));
         }
@@ -120,16 +120,13 @@ impl Others {
 }
 
 /// The rows of `paths`, from where the four lanes from `first` on begin, as columns.
-#[inline]
+#[inline(always)]
 fn lay_four(out_m: &mut [Lanes; STEPS + 1], first: usize, paths: [&[f32; STEPS]; 4]) {
     let start: [f32; 4] = std::array::from_fn(|i| out_m[0][first + i]);
     for k in (0..STEPS).step_by(4) {
-        let rows: [[f32; 4]; 4] =
-            std::array::from_fn(|i| std::array::from_fn(|j| start[i] + paths[i][k + j]));
-        for j in 0..4 {
-            for i in 0..4 {
-                out_m[k + 1 + j][first + i] = rows[i][j];
-            }
+        let rows = std::array::from_fn(|i| std::array::from_fn(|j| start[i] + paths[i][k + j]));
+        for (j, column) in columns(rows).iter().enumerate() {
+            out_m[k + 1 + j][first..first + 4].copy_from_slice(column);
         }
     }
 }
@@ -161,7 +158,7 @@ mod tests {
                 others.push(Vec2::new(x, y), [0.45, params.prox_margin_m, 0.87], &params);
                 paths.push(path);
             }
-            others.lay(|lane| paths.get(lane));
+            others.lay(|lane| &paths[lane]);
             for (lane, path) in paths.iter().enumerate() {
                 let (x, y) = others.at(0, lane);
                 prop_assert_eq!(others.at(k + 1, lane), (x + path.x_m[k], y + path.y_m[k]));

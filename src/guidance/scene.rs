@@ -79,20 +79,65 @@ impl Scale {
     }
 }
 
+/// What a decision reads.
+#[derive(Clone, Copy)]
+pub(super) struct Asked<'a> {
+    pub(super) ego: &'a Ego,
+    pub(super) target_m: Vec2,
+    pub(super) neighbours: &'a Shown<'a>,
+    pub(super) obstacles: &'a [ObstacleView],
+    pub(super) limits: &'a Limits,
+    pub(super) params: &'a Params,
+    pub(super) patience: f64,
+    /// Heading that was steered to until now, rad.
+    pub(super) previous_rad: f64,
+}
+
+impl Asked<'_> {
+    /// The candidate of the lowest cost, the first of several.
+    pub(super) fn best(&self, predictions: &mut Predictions) -> Plan {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if std::arch::is_x86_feature_detected!("avx512f")
+                && std::arch::is_x86_feature_detected!("avx512vl")
+            {
+                // SAFETY: the processor has what the function was compiled for.
+                return unsafe { self.best_avx512(predictions) };
+            }
+            if std::arch::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has what the function was compiled for.
+                return unsafe { self.best_avx2(predictions) };
+            }
+        }
+        self.best_of_all(predictions)
+    }
+
+    /// [`best_of_all`](Self::best_of_all) for wider registers: the same operations, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl")]
+    fn best_avx512(&self, predictions: &mut Predictions) -> Plan {
+        self.best_of_all(predictions)
+    }
+
+    /// [`best_of_all`](Self::best_of_all) for wide registers: the same operations, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn best_avx2(&self, predictions: &mut Predictions) -> Plan {
+        self.best_of_all(predictions)
+    }
+
+    #[inline(always)]
+    fn best_of_all(&self, predictions: &mut Predictions) -> Plan {
+        Scene::new(self, predictions).best(self.previous_rad)
+    }
+}
+
 impl<'a> Scene<'a> {
-    #[inline]
-    pub(super) fn new(
-        ego: &'a Ego,
-        target: Vec2,
-        neighbours: &Shown,
-        obstacles: &'a [ObstacleView],
-        limits: &Limits,
-        params: &'a Params,
-        predictions: &mut Predictions,
-        patience: f64,
-    ) -> Self {
+    #[inline(always)]
+    fn new(asked: &Asked<'a>, predictions: &mut Predictions) -> Self {
+        let Asked { ego, target_m, neighbours, obstacles, limits, params, patience, .. } = *asked;
         let (turn, scale) = (Turn::new(limits, params), Scale::new(limits, params));
-        let (to, heading) = (target - ego.position_m, unit(ego.heading_rad));
+        let (to, heading) = (target_m - ego.position_m, unit(ego.heading_rad));
         let (x, y) = (single(to.x), single(to.y));
         let left_m = (x * x + y * y).sqrt();
         let mut scene = Self {
@@ -116,44 +161,12 @@ impl<'a> Scene<'a> {
             let slow_m = n.required_m + limits.v_max_mps / params.row_rate;
             scene.others.push(-n.apart_m, [n.required_m, margin_m, slow_m], params);
         }
-        scene.others.lay(|lane| (lane < count).then(|| predictions.of(neighbours, lane)));
+        scene.others.lay(|lane| predictions.of(neighbours, lane));
         scene
     }
 
-    /// The candidate of the lowest cost, the first of several.
-    pub(super) fn best(&self, previous_rad: f64) -> Plan {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if std::arch::is_x86_feature_detected!("avx512f")
-                && std::arch::is_x86_feature_detected!("avx512vl")
-            {
-                // SAFETY: the processor has what the function was compiled for.
-                return unsafe { self.best_avx512(previous_rad) };
-            }
-            if std::arch::is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor has what the function was compiled for.
-                return unsafe { self.best_avx2(previous_rad) };
-            }
-        }
-        self.best_of_all(previous_rad)
-    }
-
-    /// [`best_of_all`](Self::best_of_all) for wider registers: the same operations, and so the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx512vl")]
-    fn best_avx512(&self, previous_rad: f64) -> Plan {
-        self.best_of_all(previous_rad)
-    }
-
-    /// [`best_of_all`](Self::best_of_all) for wide registers: the same operations, and so the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn best_avx2(&self, previous_rad: f64) -> Plan {
-        self.best_of_all(previous_rad)
-    }
-
     #[inline(always)]
-    fn best_of_all(&self, previous_rad: f64) -> Plan {
+    fn best(&self, previous_rad: f64) -> Plan {
         let mut best = Best { cost: f32::INFINITY, rank: usize::MAX, mean_speed_mps: self.scale.v_max_mps };
         let biases = biases(single(wrap(self.bearing_rad - previous_rad)), self.params);
         let (x, y) = self.ahead();
@@ -346,17 +359,19 @@ mod tests {
             let mut predictions = Predictions::for_robots(neighbours.len());
             predictions.begin();
             with_all(here, 0.45, (&neighbours, true), |shown| {
-            let scene = Scene::new(
-                &ego, target_m, shown, &obstacles, &limits, &params, &mut predictions, patience,
-            );
-            let (wide, narrow) = (scene.best(previous_rad), scene.best_of_all(previous_rad));
+            let asked = Asked {
+                ego: &ego, target_m, neighbours: shown, obstacles: &obstacles, limits: &limits,
+                params: &params, patience, previous_rad,
+            };
+            let (wide, narrow) = (asked.best(&mut predictions), asked.best_of_all(&mut predictions));
             prop_assert_eq!(format!("{wide:?}"), format!("{narrow:?}"));
             #[cfg(target_arch = "x86_64")]
             if std::arch::is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor has what the function was compiled for.
-                let half = unsafe { scene.best_avx2(previous_rad) };
+                let half = unsafe { asked.best_avx2(&mut predictions) };
                 prop_assert_eq!(format!("{half:?}"), format!("{narrow:?}"));
             }
+            let scene = Scene::new(&asked, &mut predictions);
             prop_assert_eq!(format!("{wide:?}"), format!("{:?}", best_one_by_one(&scene, previous_rad)));
             Ok(())
             })?;
