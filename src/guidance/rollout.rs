@@ -127,15 +127,16 @@ impl Scene<'_> {
         time: f32,
         mut best: Best,
     ) -> Best {
+        let (mut whole, mut mean_mps) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for lane in 0..WIDTH {
+            let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
+            let misaligned = 1.0 - (at.hx[lane] * to_x + at.hy[lane] * to_y) / at.left[lane];
+            let misaligned = if at.left[lane] < LANDED_M { 0.0 } else { misaligned };
+            whole[lane] = cost[lane] + (lost[lane] + self.scale.turn_s * misaligned);
+            mean_mps[lane] = path[lane] / time;
+        }
         for lane in Which(lanes) {
-            let misaligned = if at.left[lane] < LANDED_M {
-                0.0
-            } else {
-                let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
-                1.0 - (at.hx[lane] * to_x + at.hy[lane] * to_y) / at.left[lane]
-            };
-            let cost = cost[lane] + (lost[lane] + self.scale.turn_s * misaligned);
-            best.offer(cost, rank[lane], path[lane] / time);
+            best.offer(whole[lane], rank[lane], mean_mps[lane]);
         }
         best
     }

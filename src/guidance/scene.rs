@@ -6,12 +6,11 @@
 //! equal costs the first wins, so neither the order nor the width of the registers changes a decision.
 
 #![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
-#![expect(clippy::too_many_arguments, reason = "what a rule reads")]
 
 use super::Params;
 use super::candidates::{Best, DEFLECTIONS_RAD, SPEEDS, biases, directions};
 use super::direction::unit;
-use super::lanes::{Row, WIDTH, single};
+use super::lanes::{Row, WIDTH, least, single};
 use super::others::Others;
 use super::predict::{Predictions, STEPS, Turn};
 use super::rollout::ON_TARGET_M;
@@ -177,9 +176,16 @@ impl<'a> Scene<'a> {
         let slower = SPEEDS.map(|share| 1.0 / share - 1.0);
         let behind: [f32; SPEEDS.len()] =
             std::array::from_fn(|j| self.behind(SPEEDS[j], slower[j], self.left_m, STEPS));
+        let least_bias_s = biases.into_iter().fold(f32::INFINITY, least);
         while j < SPEEDS.len() {
             while row.count < WIDTH && j < SPEEDS.len() {
                 let share = SPEEDS[j];
+                let least_s = least_bias_s + self.scale.slow_s * (1.0 - share) + behind[j] - self.forgiven_s;
+                if i == 0 && least_s > best.cost {
+                    // Whichever way, this slow it does not win.
+                    j += 1;
+                    continue;
+                }
                 let (rank, base) = (i * SPEEDS.len() + j, biases[i] + self.scale.slow_s * (1.0 - share));
                 if base + behind[j] - self.forgiven_s < best.give_up(rank) {
                     row.push(rank, (direction_x[i], direction_y[i]), (share, slower[j]), base);
