@@ -30,7 +30,7 @@ use crate::certificate::robust::{Margin, Reach};
 use crate::certificate::{Decrease, HeadingLaw};
 use crate::config::{Config, ControllerConfig, Profile, SolverKind};
 use crate::document::names;
-use crate::geometry::{Pose, Way};
+use crate::geometry::{Arcs, Pose, Way};
 use crate::guidance::{self, Listed, Predictions};
 use crate::model::{Disturbance, Limits, Obstacle};
 use crate::neighbours::{Neighbourhood, Sight, Surroundings};
@@ -564,18 +564,28 @@ impl RobotGroup {
         self.law.begin(timing);
         let mut survey = Survey::in_place_of(&mut self.law.strangers);
         let law = &self.law;
-        let places = self.predicted.iter_mut().zip(fleet).enumerate();
-        self.workspace.around.build(places.map(|(index, (predicted, now))| {
-            survey.see(law, index, now);
-            *predicted = *now;
-            if timing == Timing::LogicalExecutionTime {
-                predicted.set_pose(now.arc().pose(law.period_s));
+        let parts = self.predicted.chunks_mut(Arcs::COUNT).zip(fleet.chunks(Arcs::COUNT)).enumerate();
+        self.workspace.around.build(parts.flat_map(|(part, (predicted, now))| {
+            let mut arcs = Arcs::default();
+            for (k, robot) in now.iter().enumerate() {
+                survey.see(law, part * Arcs::COUNT + k, robot);
+                (arcs.x_m[k], arcs.y_m[k], arcs.theta_rad[k]) = (robot.x_m, robot.y_m, robot.theta_rad);
+                (arcs.v_mps[k], arcs.omega_radps[k]) = (robot.v_mps, robot.omega_radps);
             }
-            let lead_m = law.reach(now).lead_m;
-            if lead_m > 0.0 {
-                // Robots are compared where they come to rest on the commands that are out.
-                let pose = predicted.pose();
-                predicted.set_pose(Pose { position_m: pose.position_m + pose.heading() * lead_m, ..pose });
+            if timing == Timing::LogicalExecutionTime {
+                arcs.advance(law.period_s);
+            }
+            for (k, (predicted, now)) in predicted.iter_mut().zip(now).enumerate() {
+                *predicted = *now;
+                (predicted.x_m, predicted.y_m) = (arcs.x_m[k], arcs.y_m[k]);
+                predicted.theta_rad = arcs.theta_rad[k];
+                let lead_m = law.reach(now).lead_m;
+                if lead_m > 0.0 {
+                    // Robots are compared where they come to rest on the commands that are out.
+                    let pose = predicted.pose();
+                    predicted
+                        .set_pose(Pose { position_m: pose.position_m + pose.heading() * lead_m, ..pose });
+                }
             }
             &*predicted
         }));

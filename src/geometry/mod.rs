@@ -6,6 +6,7 @@
 
 mod angle;
 mod arc;
+mod arcs;
 mod distance;
 mod grid;
 mod shape;
@@ -15,6 +16,7 @@ mod way;
 
 pub use angle::{bearing, rotate, unit, wrap};
 pub use arc::{Arc, Integration, Pose, chord_factor, sinc};
+pub use arcs::Arcs;
 pub use distance::{Bound, min_distance_arc_point, min_distance_arc_segment, min_distance_arcs};
 pub use grid::Grid;
 pub use shape::{closest_point_on_segment, segment_distance};

@@ -14,6 +14,7 @@
 //! > is preserved.
 
 #![allow(clippy::unreadable_literal)] // as the tables that they come from
+#![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -79,20 +80,35 @@ fn size(x: f64) -> u32 {
     (x.to_bits() >> 32) as u32 & 0x7fff_ffff
 }
 
+/// Below this the formula does not hold.
+const TINY: u32 = 0x3e46_a09e;
+
+/// π/4, 3π/4 and 5π/4.
+const EIGHTHS: [u32; 3] = [0x3fe9_21fb, 0x4002_d97c, 0x400f_6a7a];
+
+/// Whether the formula holds for the angle.
+#[inline(always)]
+pub(super) fn is_covered(x: f64) -> bool {
+    let size = size(x);
+    (size >= TINY) & (size <= EIGHTHS[2]) & (size & 0xf_ffff != 0x9_21fb)
+}
+
 /// The sine and the cosine of an angle.
 #[inline]
 pub fn sincos(x: f64) -> (f64, f64) {
-    const TINY: u32 = 0x3e46_a09e;
-    // π/4, 3π/4 and 5π/4.
-    const EIGHTHS: [u32; 3] = [0x3fe9_21fb, 0x4002_d97c, 0x400f_6a7a];
+    if is_covered(x) { formula(x) } else { libm::sincos(x) }
+}
+
+/// The sine and the cosine of an angle for which it holds.
+#[inline(always)]
+pub(super) fn formula(x: f64) -> (f64, f64) {
     let size = size(x);
-    if size < TINY || size > EIGHTHS[2] || size & 0xf_ffff == 0x9_21fb {
-        return libm::sincos(x);
-    }
-    let quarters = u64::from(size > EIGHTHS[0]) + u64::from(size > EIGHTHS[1]);
+    let beyond = [size > EIGHTHS[0], size > EIGHTHS[1]];
+    let quarters = u64::from(beyond[0]) + u64::from(beyond[1]);
     let negative = x.to_bits() >> 63;
     // What is left of the angle, y + rest, after so many quarters of a turn.
-    let n = (quarters as f64).copysign(x);
+    let [one, another] = beyond.map(|beyond| if beyond { 1.0_f64 } else { 0.0 });
+    let n = (one + another).copysign(x);
     let r = x - n * PIO2[0];
     let y = r - n * PIO2[1];
     let rest = (r - y) - n * PIO2[1];
