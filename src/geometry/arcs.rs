@@ -41,6 +41,11 @@ impl Arcs {
     }
 
     #[inline(always)]
+    #[expect(
+        clippy::needless_range_loop,
+        clippy::needless_bitwise_bool,
+        reason = "side by side, and nothing to guess"
+    )]
     fn advance_all(&mut self, s: f64) {
         let (mut ends, mut odd) = (*self, [0_u64; Self::COUNT]);
         for k in 0..Self::COUNT {

@@ -88,6 +88,7 @@ const EIGHTHS: [u32; 3] = [0x3fe9_21fb, 0x4002_d97c, 0x400f_6a7a];
 
 /// Whether the formula holds for the angle.
 #[inline(always)]
+#[expect(clippy::needless_bitwise_bool, reason = "nothing to guess for the processor")]
 pub(super) fn is_covered(x: f64) -> bool {
     let size = size(x);
     (size >= TINY) & (size <= EIGHTHS[2]) & (size & 0xf_ffff != 0x9_21fb)

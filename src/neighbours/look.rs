@@ -74,7 +74,7 @@ impl Found {
             // Written in any case and kept if it is near: nothing to guess for the processor.
             let place = (first + at) as u32;
             (self.places[count], self.squares_m2[count]) = (place, square_m2);
-            count += usize::from((square_m2 <= radius_m2) & (place != circle.own));
+            count += usize::from(square_m2 <= radius_m2) & usize::from(place != circle.own);
         }
         self.count = count;
     }
