@@ -307,7 +307,9 @@ mod tests {
                 })?;
             }
             let mut row = Row::empty();
-            neighbours.iter().for_each(|n| row.push(n, &params));
+            for n in &neighbours {
+                row.push(n, &params);
+            }
             let mut all = Places { x_m: [[0.0; WIDTH]; STEPS], y_m: [[0.0; WIDTH]; STEPS] };
             let mut wide = all;
             row.steps_of_all(turn, &params, &mut all);
