@@ -328,11 +328,16 @@ mod tests {
         }
         places.sort_unstable();
         assert!(places.into_iter().eq(0..100));
+        let in_places = |around: &Surroundings| {
+            (0..10u32).all(|place| around.places[around.robots()[place as usize] as usize] == place)
+        };
+        assert!(around.robots().len() == 10 && in_places(&around));
         let sight = Sight { all_m: 9.0, nearest_m: 9.0, nearest: 0 };
         assert_eq!(gathered(&fleet, 95, sight, 0.0).len(), 9);
         // Without free places it is the order of the cells.
         around.build(&fleet[90..]);
         assert_eq!(around.order(), around.grid.order());
+        assert!(around.robots().len() == 10 && in_places(&around));
         around.build(&[RobotState::vacant(); 3]);
         assert_eq!(around.order(), [0, 1, 2]);
     }
