@@ -42,8 +42,8 @@ const FAR_RAD: f64 = 3.0;
 /// Form F1: exact for a given ω; `normal` = n·h = cos φ and `tangent` = sin φ as above.
 ///
 /// The largest approach of a unit-speed arc is at s = 0, at s = T, or where the heading is square to n. The way
-/// along n is (sin(φ + ωs) − sin φ)/ω; up to where the heading is square it is (1 − |sin φ|)/|ω|, without
-/// cancellation cos² φ/(1 + |sin φ|)/|ω|, and no angle is needed.
+/// along n is (sin(φ + ωs) − sin φ)/ω; up to where the heading is square it is (1 − σ)/|ω| with
+/// σ = sin φ · sign(ω cos φ), for σ > 0 without cancellation cos² φ/(1 + σ)/|ω|, and no angle is needed.
 pub fn approach_exact(normal: f64, tangent: f64, omega_radps: f64, period_s: f64) -> Approach {
     let half = 0.5 * omega_radps * period_s;
     if half.is_nan() || half.abs() >= 0.5 * FAR_RAD {

@@ -4,6 +4,7 @@
 //! an atomic exchange for that would hold up everything that was written before it.
 
 use std::cell::UnsafeCell;
+use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -26,6 +27,8 @@ unsafe impl<T: Send> Sync for Seat<T> {}
 /// The occupant of a seat, until it is dropped; in a panic it is lost.
 pub(super) struct Taken<'a, T> {
     seat: &'a Seat<T>,
+    /// Shared and sent as what it stands for.
+    occupant: PhantomData<&'a mut T>,
 }
 
 impl<T> Seat<T> {
@@ -46,7 +49,7 @@ impl<T> Seat<T> {
     fn take_from(&self, state: u32) -> Option<Taken<'_, T>> {
         // Acquires what the one before left with a release.
         let taken = self.state.compare_exchange(state, TAKEN, Ordering::Acquire, Ordering::Relaxed);
-        taken.is_ok().then(|| Taken { seat: self })
+        taken.is_ok().then(|| Taken { seat: self, occupant: PhantomData })
     }
 }
 
@@ -102,7 +105,7 @@ mod tests {
         let (seat, rounds) = (Seat::new((0_u64, 0_u64)), 20_000);
         let change = || {
             let mut changed = 0;
-            for _ in 0..rounds {
+            while changed < rounds {
                 if let Some(mut both) = seat.take() {
                     assert_eq!(both.0, both.1);
                     both.0 += 1;
@@ -116,7 +119,7 @@ mod tests {
             let threads: Vec<_> = (0..4).map(|_| scope.spawn(change)).collect();
             threads.into_iter().map(|thread| thread.join().unwrap()).sum()
         });
-        assert!(changed >= rounds);
+        assert_eq!(changed, 4 * rounds);
         assert_eq!(seat.take().as_deref(), Some(&(changed, changed)));
     }
 }

@@ -65,7 +65,9 @@ fn roots_avx2(numbers: &Lanes, count: usize) -> Ranked {
 fn roots_of_all(numbers: &Lanes, count: usize) -> Ranked {
     let (mut roots, mut keys) = ([0.0; RANKED_MAX], [0.0; RANKED_MAX]);
     for ((root, key), number) in roots.iter_mut().zip(&mut keys).zip(numbers) {
-        (*root, *key) = (number.sqrt(), *number as f32);
+        *root = number.sqrt();
+        // Of the root: squares that are not equal may have roots that are.
+        *key = *root as f32;
     }
     // Counted in floating point: such sums are not to be regrouped, so that all lanes take one step together.
     let mut counts = [INTEGERS; RANKED_MAX];

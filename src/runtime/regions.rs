@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
 use crossbeam::utils::CachePadded;
 
-/// How many more robots than the average the fastest worker may answer before the regions are changed, percent.
+/// By how many robots what a worker answers may differ from its region before the regions are changed, percent of
+/// an equal part.
 const UNEVEN_PERCENT: u64 = 5;
 
 /// Pieces in which an equal part is claimed: at the end nobody waits for longer than one of them takes.
@@ -23,11 +24,11 @@ const PLACE_BITS: u32 = 32;
 /// in the region where it stands. What is stored is only where the parts begin and end.
 ///
 /// A worker claims its region piece by piece, and what is left of the others' when it is through: one that is
-/// held up, for whatever reason, holds up nobody for longer than its piece takes. Housekeeping asks for cuts
+/// held up, for whatever reason, leaves no robot without an answer but those of its piece. Housekeeping asks for cuts
 /// that give each worker what it answers anyway, and the loop adopts them before it releases a period.
 ///
-/// The region of a worker that panicked lately is its own, and stays as it is: what made it panic may lie in one
-/// of the robots there, and would bring down the others as well.
+/// The region of a worker that panicked lately is its own and its only one, and none is changed: what made it
+/// panic may lie in one of the robots there, and would bring down the others as well; or in one of another's.
 #[derive(Debug)]
 pub(super) struct Regions {
     places: usize,
@@ -35,7 +36,7 @@ pub(super) struct Regions {
     cuts: Vec<AtomicUsize>,
     /// Of each region: the tick, and the first place that nobody has claimed in it.
     claims: Vec<CachePadded<AtomicU64>>,
-    /// Which regions only their own workers may claim.
+    /// Whose regions only they themselves may claim, and nothing else.
     reserved: Vec<AtomicBool>,
     /// Of a later period, while `pending`.
     wanted: Vec<AtomicUsize>,
@@ -84,7 +85,7 @@ impl Regions {
         let piece = (self.places / (PIECES * workers)).clamp(1, PIECE_MAX);
         (0..workers).find_map(|turn| {
             let region = (worker + turn) % workers;
-            if turn > 0 && (room == 0 || self.reserved.get(region)?.load(Ordering::Relaxed)) {
+            if turn > 0 && (room == 0 || self.is_reserved(worker) || self.is_reserved(region)) {
                 return None;
             }
             let most = if turn > 0 { piece.min(room) } else { piece };
@@ -102,7 +103,11 @@ impl Regions {
         })
     }
 
-    /// Leaves the region of `worker` to itself alone, or to all again.
+    fn is_reserved(&self, worker: usize) -> bool {
+        self.reserved.get(worker).is_some_and(|region| region.load(Ordering::Relaxed))
+    }
+
+    /// Leaves the region of `worker` to it alone and it to its region, or both to all again.
     pub(super) fn reserve(&self, worker: usize, reserved: bool) {
         if let Some(region) = self.reserved.get(worker) {
             region.store(reserved, Ordering::Relaxed);
@@ -128,7 +133,8 @@ impl Regions {
 
     /// Puts the wanted regions in force and lets period `tick` claim them. For the loop, between two periods.
     pub(super) fn begin(&self, tick: u64) {
-        if self.pending.load(Ordering::Acquire) {
+        let reserved = (0..self.reserved.len()).any(|worker| self.is_reserved(worker));
+        if !reserved && self.pending.load(Ordering::Acquire) {
             for (cut, wanted) in self.cuts.iter().zip(&self.wanted) {
                 cut.store(wanted.load(Ordering::Relaxed), Ordering::Relaxed);
             }
@@ -150,7 +156,7 @@ impl Regions {
     /// there is [`room`](Self::room) for.
     pub(super) fn balanced(&self, answered: &[u64]) -> Option<Vec<usize>> {
         let cuts = self.cuts();
-        let reserved = self.reserved.iter().any(|region| region.load(Ordering::Relaxed));
+        let reserved = (0..self.reserved.len()).any(|worker| self.is_reserved(worker));
         if reserved || cuts.len() != answered.len() + 1 {
             return None;
         }
@@ -219,8 +225,16 @@ mod tests {
         let of = |worker| std::iter::from_fn(|| regions.claim(worker, 1, 9)).flatten().collect::<Vec<_>>();
         assert_eq!((of(0), regions.balanced(&[500, 0])), (vec![0, 1, 2], None));
         assert_eq!(of(1), [3, 4, 5]);
+        // Nor does who panicked meet what others have to answer.
         regions.begin(2);
+        let own: Vec<_> = std::iter::from_fn(|| regions.claim(1, 2, 9)).flatten().collect();
+        assert_eq!(own, [3, 4, 5]);
+        assert!(regions.want(&[0, 1, 6]));
+        regions.begin(2);
+        assert_eq!(regions.of(1), 3..6);
         regions.reserve(1, false);
+        regions.begin(2);
+        assert_eq!(regions.of(1), 1..6);
         let of = |worker| std::iter::from_fn(|| regions.claim(worker, 2, 9)).flatten().collect::<Vec<_>>();
         assert_eq!((of(0), of(1)), ((0..6).collect(), vec![]));
         assert!(regions.balanced(&[500, 0]).is_some());

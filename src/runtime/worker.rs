@@ -71,7 +71,8 @@ impl<D> Shift<D> {
     }
 }
 
-/// One worker: the robots of `owned`, which nobody else touches, or those of its region.
+/// One worker: the robots of `owned`, which nobody else touches, or those of its region and what the others have not
+/// come to.
 pub(super) struct Worker<C: Clock> {
     pub(super) index: usize,
     pub(super) wakeup: Wakeup,
@@ -139,8 +140,8 @@ impl<C: Clock> Worker<C> {
             self.board.regions.reserve(self.index, true);
             self.board.worker_panics.fetch_add(1, Ordering::Relaxed);
         }
-        // Before it is done: it brings back what the panic took, for whoever claims it in the next period. What
-        // could not be made the last time is tried again.
+        // Before it is done, which costs this period the time it takes: it brings back what the panic took, for
+        // whoever claims it in the next one. What could not be made the last time is tried again.
         shift.decider = make();
         self.board.done(tick);
         if panicked || shift.decider.is_none() {

@@ -160,3 +160,70 @@ fn what_a_worker_does_not_come_to_the_others_answer() {
     let commands = |seen: &Seen| -> Vec<_> { seen.commands.iter().map(|(_, all)| all.clone()).collect() };
     assert_eq!(commands(&seen), commands(&fixed));
 }
+
+/// A regional group that panics whenever it has answered `robot`; how often is counted for each worker.
+struct Haunted {
+    group: RobotGroup,
+    robot: usize,
+    panics: Arc<AtomicU64>,
+    /// Sleeps first, so that the others are through before it.
+    slow: bool,
+}
+
+impl Decider for Haunted {
+    fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
+        unreachable!("it is regional");
+    }
+
+    fn is_regional(&self) -> bool {
+        true
+    }
+
+    fn decide_parts(
+        &mut self,
+        (tick, parts): (u64, Claims),
+        fleet: &[RobotState],
+        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        each: &mut dyn FnMut(usize, &Decision),
+    ) {
+        if self.slow {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        self.group.decide_parts((tick, parts), fleet, remember, &mut |index, decision| {
+            if index == self.robot {
+                self.panics.fetch_add(1, Ordering::Relaxed);
+                std::panic::resume_unwind(Box::new("a fault, injected"));
+            }
+            each(index, decision);
+        });
+    }
+}
+
+/// A robot at which every worker panics brings down its own, whoever is slow, and no other.
+#[test]
+fn a_robot_that_makes_workers_panic_brings_down_one_of_them() {
+    for slow in [0, 1] {
+        let world = World::new("haunted");
+        // Nobody moves, and so nobody leaves its region.
+        let mut scenario = swap8();
+        for robot in &mut scenario.robots {
+            robot.goal_m = robot.start.position_m;
+        }
+        let mut rig = Rig::new(&world, scenario, 2, 12);
+        rig.config.timing.publish = PublishAt::Deadline;
+        rig.ready = Box::new(|board, tick| board.complete(tick));
+        let make = regional(&rig.config);
+        let panics = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
+        let counts = panics.clone();
+        let (_, board) = rig.run(move |owned| {
+            let worker = usize::from(!owned.contains(&0));
+            let (group, panics) = (make(owned), Arc::clone(&counts[worker]));
+            Haunted { group, robot: 3, panics, slow: worker == slow }
+        });
+        let panics = panics.map(|count| count.load(Ordering::Relaxed));
+        let mut sorted = panics;
+        sorted.sort_unstable();
+        assert!(sorted[1] == 4 && sorted[0] <= 1, "worker {slow} is slow: {panics:?}");
+        assert_eq!([board.rests(0), board.rests(1)], panics.map(|count| count == 4));
+    }
+}
