@@ -8,6 +8,7 @@ use super::support::World;
 use super::{group, regional, swap8};
 use crate::config::PublishAt;
 use crate::controller::{Decision, RobotGroup};
+use crate::runtime::board::Board;
 use crate::runtime::decider::{Claims, Decider};
 use crate::scenario::Scenario;
 use crate::wire::{RobotCheckpoint, RobotState};
@@ -211,7 +212,7 @@ fn a_robot_that_makes_workers_panic_brings_down_one_of_them() {
         }
         let mut rig = Rig::new(&world, scenario, 2, 12);
         rig.config.timing.publish = PublishAt::Deadline;
-        rig.ready = Box::new(|board, tick| board.complete(tick));
+        rig.ready = Box::new(Board::complete);
         let make = regional(&rig.config);
         let panics = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
         let counts = panics.clone();
