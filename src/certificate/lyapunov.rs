@@ -139,6 +139,16 @@ fn lyapunov_heading(error: Vec2) -> f64 {
     if error.x > 0.0 { error.y * error.y / (1.0 + error.x) } else { 1.0 - error.x }
 }
 
+/// The sine of π as it is rounded: the least that an error beyond a right angle has.
+const HALF_TURN: f64 = 1.224_646_799_147_353_2e-16;
+
+/// The error that is turned away: straight behind, where both ways round are as far, one of them is taken. Without a
+/// slope nobody would turn at all.
+fn one_way_round(error: Vec2) -> Vec2 {
+    let straight_behind = error.x < 0.0 && error.y.abs() < HALF_TURN;
+    if straight_behind { Vec2::new(error.x, HALF_TURN.copysign(error.y)) } else { error }
+}
+
 /// A turn of at most a half turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Turn {
@@ -249,6 +259,7 @@ impl HeadingLaw {
     /// every |ω| ≤ ω_max, so the row implies the true decrease. The printed √cos e is imaginary
     /// beyond a right angle, and a Taylor value rather than a bound before it.
     pub fn certificate(&self, error: Vec2) -> HeadingCertificate {
+        let error = one_way_round(error);
         let lyapunov = lyapunov_heading(error);
         HeadingCertificate {
             lyapunov,
@@ -320,6 +331,16 @@ mod tests {
             let fall = v - 2.0 * (0.5 * left(alignment * reach)).sin().powi(2);
             prop_assert!((row.decrease - fall.min(law.decrease(v))).abs() <= 1e-15);
             prop_assert!(row.decrease >= 0.0);
+        }
+
+        /// Straight behind there is a way round as well, the one of an angle of π, and of as little as can be told.
+        #[test]
+        fn who_has_to_turn_round_is_asked_to(cos in -1.0..=-1e-9f64, sin in -1e-17..1e-17f64) {
+            let law = FiniteTime { c3: 0.5, alpha: 0.6 };
+            let law = HeadingLaw::new(0.08, 1.0, Decrease::FiniteTime { law, alignment: 0.5 });
+            prop_assert_eq!(law.certificate(Vec2::new(-1.0, 0.0)).linear, 0.08 * libm::sin(PI));
+            prop_assert_eq!(law.certificate(Vec2::new(cos, sin)).linear.abs(), 0.08 * libm::sin(PI));
+            prop_assert_eq!(law.certificate(Vec2::new(-cos, sin)).linear, 0.08 * sin);
         }
 
         /// The heading row implies the true fall of 1 − cos e for every admissible turn rate.
