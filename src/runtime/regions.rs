@@ -107,6 +107,10 @@ impl Regions {
         self.reserved.get(worker).is_some_and(|region| region.load(Ordering::Relaxed))
     }
 
+    fn any_reserved(&self) -> bool {
+        (0..self.reserved.len()).any(|worker| self.is_reserved(worker))
+    }
+
     /// Leaves the region of `worker` to it alone and it to its region, or both to all again.
     pub(super) fn reserve(&self, worker: usize, reserved: bool) {
         if let Some(region) = self.reserved.get(worker) {
@@ -133,8 +137,7 @@ impl Regions {
 
     /// Puts the wanted regions in force and lets period `tick` claim them. For the loop, between two periods.
     pub(super) fn begin(&self, tick: u64) {
-        let reserved = (0..self.reserved.len()).any(|worker| self.is_reserved(worker));
-        if !reserved && self.pending.load(Ordering::Acquire) {
+        if !self.any_reserved() && self.pending.load(Ordering::Acquire) {
             for (cut, wanted) in self.cuts.iter().zip(&self.wanted) {
                 cut.store(wanted.load(Ordering::Relaxed), Ordering::Relaxed);
             }
@@ -156,8 +159,7 @@ impl Regions {
     /// there is [`room`](Self::room) for.
     pub(super) fn balanced(&self, answered: &[u64]) -> Option<Vec<usize>> {
         let cuts = self.cuts();
-        let reserved = (0..self.reserved.len()).any(|worker| self.is_reserved(worker));
-        if reserved || cuts.len() != answered.len() + 1 {
+        if self.any_reserved() || cuts.len() != answered.len() + 1 {
             return None;
         }
         let (workers, total) =

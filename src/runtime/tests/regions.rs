@@ -48,13 +48,15 @@ fn regions_and_their_changes_change_nothing() {
     }
 }
 
-/// A regional group that panics while it holds the controller of robot 3 in period 5.
-struct Panicking {
+/// A regional group to which something happens: before it answers a period, and when it has answered a robot, whose
+/// controller it still holds.
+struct Troubled<B, A> {
     group: RobotGroup,
-    panics: Arc<AtomicU64>,
+    before: B,
+    answered: A,
 }
 
-impl Decider for Panicking {
+impl<B: FnMut(), A: FnMut(u64, usize)> Decider for Troubled<B, A> {
     fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
         unreachable!("it is regional");
     }
@@ -70,14 +72,17 @@ impl Decider for Panicking {
         remember: &mut dyn FnMut(usize, RobotCheckpoint),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
+        (self.before)();
         self.group.decide_parts((tick, parts), fleet, remember, &mut |index, decision| {
-            if (tick, index) == (5, 3) {
-                self.panics.fetch_add(1, Ordering::Relaxed);
-                std::panic::resume_unwind(Box::new("a fault, injected"));
-            }
+            (self.answered)(tick, index);
             each(index, decision);
         });
     }
+}
+
+fn panic_counted(panics: &AtomicU64) -> ! {
+    panics.fetch_add(1, Ordering::Relaxed);
+    std::panic::resume_unwind(Box::new("a fault, injected"));
 }
 
 #[test]
@@ -90,7 +95,15 @@ fn a_robot_whose_controller_was_lost_in_a_panic_drives_on_with_a_new_one_in_any_
     let make = regional(&rig.config);
     let panics = Arc::new(AtomicU64::new(0));
     let counted = Arc::clone(&panics);
-    let (seen, board) = rig.run(move |owned| Panicking { group: make(owned), panics: Arc::clone(&counted) });
+    let (seen, board) = rig.run(move |owned| {
+        let panics = Arc::clone(&counted);
+        let answered = move |tick, index| {
+            if (tick, index) == (5, 3) {
+                panic_counted(&panics);
+            }
+        };
+        Troubled { group: make(owned), before: || {}, answered }
+    });
     assert_eq!((panics.load(Ordering::Relaxed), board.worker_panics.load(Ordering::Relaxed)), (1, 1));
     for robot in 0..8 {
         let stopped: Vec<_> = (1..21).filter(|k| seen.commands[*k].1[robot].stop_reason != 0).collect();
@@ -99,36 +112,6 @@ fn a_robot_whose_controller_was_lost_in_a_panic_drives_on_with_a_new_one_in_any_
             if robot == 3 { stopped == [6] } else { stopped.is_empty() || stopped == [6] },
             "{stopped:?}"
         );
-    }
-}
-
-/// A regional group of a worker that is held up until the loop does not wait any more.
-struct HeldUp {
-    group: RobotGroup,
-    held: bool,
-    over: Arc<AtomicBool>,
-}
-
-impl Decider for HeldUp {
-    fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
-        unreachable!("it is regional");
-    }
-
-    fn is_regional(&self) -> bool {
-        true
-    }
-
-    fn decide_parts(
-        &mut self,
-        (tick, parts): (u64, Claims),
-        fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
-        each: &mut dyn FnMut(usize, &Decision),
-    ) {
-        while self.held && !self.over.load(Ordering::Acquire) {
-            std::thread::sleep(std::time::Duration::from_micros(50));
-        }
-        self.group.decide_parts((tick, parts), fleet, remember, each);
     }
 }
 
@@ -154,50 +137,19 @@ fn what_a_worker_does_not_come_to_the_others_answer() {
     let seen = rig
         .run(move |owned| {
             let held = owned.contains(&0);
-            HeldUp { group: make(owned), held, over: Arc::clone(&held_up) }
+            let over = Arc::clone(&held_up);
+            // Until the loop does not wait any more.
+            let before = move || {
+                while held && !over.load(Ordering::Acquire) {
+                    std::thread::sleep(std::time::Duration::from_micros(50));
+                }
+            };
+            Troubled { group: make(owned), before, answered: |_, _| {} }
         })
         .0;
     assert!(seen.states == fixed.states);
     let commands = |seen: &Seen| -> Vec<_> { seen.commands.iter().map(|(_, all)| all.clone()).collect() };
     assert_eq!(commands(&seen), commands(&fixed));
-}
-
-/// A regional group that panics whenever it has answered `robot`; how often is counted for each worker.
-struct Haunted {
-    group: RobotGroup,
-    robot: usize,
-    panics: Arc<AtomicU64>,
-    /// Sleeps first, so that the others are through before it.
-    slow: bool,
-}
-
-impl Decider for Haunted {
-    fn decide(&mut self, _: &[RobotState], _: &mut dyn FnMut(usize, &Decision)) {
-        unreachable!("it is regional");
-    }
-
-    fn is_regional(&self) -> bool {
-        true
-    }
-
-    fn decide_parts(
-        &mut self,
-        (tick, parts): (u64, Claims),
-        fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
-        each: &mut dyn FnMut(usize, &Decision),
-    ) {
-        if self.slow {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        self.group.decide_parts((tick, parts), fleet, remember, &mut |index, decision| {
-            if index == self.robot {
-                self.panics.fetch_add(1, Ordering::Relaxed);
-                std::panic::resume_unwind(Box::new("a fault, injected"));
-            }
-            each(index, decision);
-        });
-    }
 }
 
 /// A robot at which every worker panics brings down its own, whoever is slow, and no other.
@@ -219,7 +171,18 @@ fn a_robot_that_makes_workers_panic_brings_down_one_of_them() {
         let (_, board) = rig.run(move |owned| {
             let worker = usize::from(!owned.contains(&0));
             let (group, panics) = (make(owned), Arc::clone(&counts[worker]));
-            Haunted { group, robot: 3, panics, slow: worker == slow }
+            // So that the other is through before it.
+            let before = move || {
+                if worker == slow {
+                    std::thread::sleep(std::time::Duration::from_millis(5));
+                }
+            };
+            let answered = move |_, index| {
+                if index == 3 {
+                    panic_counted(&panics);
+                }
+            };
+            Troubled { group, before, answered }
         });
         let panics = panics.map(|count| count.load(Ordering::Relaxed));
         let mut sorted = panics;
