@@ -161,32 +161,34 @@ fn what_cannot_be_checked_is_refused() {
     }
 }
 
+/// A programme's numbers, and one of each kind of its rows.
+const NUMBERS: [fn(&mut Programme) -> &mut f64; 19] = [
+    |p| &mut p.weights.v,
+    |p| &mut p.weights.omega,
+    |p| &mut p.weights.position,
+    |p| &mut p.weights.heading,
+    |p| &mut p.weights.comfort,
+    |p| &mut p.position.linear,
+    |p| &mut p.position.curvature,
+    |p| &mut p.position.decrease,
+    |p| &mut p.heading.linear,
+    |p| &mut p.heading.curvature,
+    |p| &mut p.heading.decrease,
+    |p| &mut p.v_mps.min,
+    |p| &mut p.v_mps.max,
+    |p| &mut p.omega_radps.min,
+    |p| &mut p.omega_radps.max,
+    |p| &mut p.comfort[0].coefficient,
+    |p| &mut p.comfort[2].bound,
+    |p| &mut p.safety[1].coefficient,
+    |p| &mut p.safety[0].bound,
+];
+
 /// However well everything else fits.
 #[test]
 fn a_solution_of_what_is_no_programme_is_refused() {
-    let places: [fn(&mut Programme) -> &mut f64; 19] = [
-        |p| &mut p.weights.v,
-        |p| &mut p.weights.omega,
-        |p| &mut p.weights.position,
-        |p| &mut p.weights.heading,
-        |p| &mut p.weights.comfort,
-        |p| &mut p.position.linear,
-        |p| &mut p.position.curvature,
-        |p| &mut p.position.decrease,
-        |p| &mut p.heading.linear,
-        |p| &mut p.heading.curvature,
-        |p| &mut p.heading.decrease,
-        |p| &mut p.v_mps.min,
-        |p| &mut p.v_mps.max,
-        |p| &mut p.omega_radps.min,
-        |p| &mut p.omega_radps.max,
-        |p| &mut p.comfort[2].coefficient,
-        |p| &mut p.comfort[2].bound,
-        |p| &mut p.safety[1].coefficient,
-        |p| &mut p.safety[1].bound,
-    ];
     for poison in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        for (n, place) in places.into_iter().enumerate() {
+        for (n, place) in NUMBERS.into_iter().enumerate() {
             let mut p = programme();
             *place(&mut p) = poison;
             let r = Residuals::of(&p, &solution());
@@ -310,42 +312,21 @@ fn a_solution_begins_with_zeros_of_the_right_lengths() {
 fn every_number_of_a_programme_is_looked_at() {
     assert!(programme().is_well_posed());
     assert!(Programme::with_capacity(Weights::default(), 0).is_well_posed());
-    let any: [fn(&mut Programme) -> &mut f64; 19] = [
-        |p| &mut p.weights.v,
-        |p| &mut p.weights.omega,
-        |p| &mut p.weights.position,
-        |p| &mut p.weights.heading,
-        |p| &mut p.weights.comfort,
-        |p| &mut p.position.linear,
-        |p| &mut p.position.curvature,
-        |p| &mut p.position.decrease,
-        |p| &mut p.heading.linear,
-        |p| &mut p.heading.curvature,
-        |p| &mut p.heading.decrease,
-        |p| &mut p.v_mps.min,
-        |p| &mut p.v_mps.max,
-        |p| &mut p.omega_radps.min,
-        |p| &mut p.omega_radps.max,
-        |p| &mut p.comfort[0].coefficient,
-        |p| &mut p.comfort[2].bound,
-        |p| &mut p.safety[1].coefficient,
-        |p| &mut p.safety[0].bound,
-    ];
     let refused = |place: fn(&mut Programme) -> &mut f64, value: f64| {
         let mut p = programme();
         *place(&mut p) = value;
         !p.is_well_posed()
     };
-    for (n, place) in any.into_iter().enumerate() {
+    for (n, place) in NUMBERS.into_iter().enumerate() {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             assert!(refused(place, value), "{value} in place {n}");
         }
     }
     // Weights above 0; curvatures and bounds not below; intervals that hold 0.
-    assert!(any[..5].iter().all(|place| refused(*place, 0.0) && refused(*place, -1.0)));
-    assert!([6, 9, 16, 18].into_iter().all(|n| refused(any[n], -1.0) && !refused(any[n], 0.0)));
-    assert!([11, 13].into_iter().all(|n| refused(any[n], 0.1) && !refused(any[n], 0.0)));
-    assert!([12, 14].into_iter().all(|n| refused(any[n], -0.1) && !refused(any[n], 0.0)));
+    assert!(NUMBERS[..5].iter().all(|place| refused(*place, 0.0) && refused(*place, -1.0)));
+    assert!([6, 9, 16, 18].into_iter().all(|n| refused(NUMBERS[n], -1.0) && !refused(NUMBERS[n], 0.0)));
+    assert!([11, 13].into_iter().all(|n| refused(NUMBERS[n], 0.1) && !refused(NUMBERS[n], 0.0)));
+    assert!([12, 14].into_iter().all(|n| refused(NUMBERS[n], -0.1) && !refused(NUMBERS[n], 0.0)));
 }
 
 #[test]
