@@ -13,6 +13,7 @@
 //! data.
 
 mod check;
+mod law;
 pub mod printed;
 mod robot;
 mod robots;
@@ -21,22 +22,20 @@ mod seat;
 mod shelf;
 mod told;
 
+pub(crate) use law::UNTRUSTED_PERIODS;
 pub use robots::Robots;
 pub use shelf::{PreparedRoute, RouteShelf, RouteWork};
 
 use crate::audit::Recorder;
-use crate::certificate::barrier::activation_m;
-use crate::certificate::robust::{Margin, Reach};
-use crate::certificate::{Decrease, HeadingLaw};
-use crate::config::{Config, ControllerConfig, Profile, SolverKind};
+use crate::config::{Config, ControllerConfig, SolverKind};
 use crate::document::names;
-use crate::geometry::{Arcs, Pose, Way};
-use crate::guidance::{self, Listed, Predictions};
-use crate::model::{Disturbance, Limits, Obstacle};
-use crate::neighbours::{Neighbourhood, Sight, Surroundings};
+use crate::geometry::{Arcs, Pose};
+use crate::guidance::{Listed, Predictions};
+use crate::neighbours::{Neighbourhood, Surroundings};
 use crate::programme::{Programme, Solution};
 use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, state_flags};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry};
+use law::{Law, Survey};
 use robot::RobotController;
 use std::ops::Range;
 use std::sync::Arc;
@@ -91,244 +90,9 @@ pub enum ControllerError {
     },
 }
 
-/// Other robots, and the ways on which they may stand, that one robot looks at for rows; more than any crowd has
-/// within their reach, and with more the robot stops.
-const BODIES_MAX: usize = 512;
-
 /// Rows of each kind that one robot's programme can have: each body one for each direction of travel.
 pub fn rows_max(control: &ControllerConfig) -> usize {
     2 * control.max_neighbours
-}
-
-/// Everything that is the same for all robots of a fleet.
-#[derive(Debug, Clone)]
-struct Law {
-    control: ControllerConfig,
-    limits: Limits,
-    /// What the certificates ask for.
-    decrease: Decrease,
-    heading: HeadingLaw,
-    guidance: guidance::Params,
-    period_s: f64,
-    /// From a state to the instant at which its answer acts, s.
-    ahead_s: f64,
-    tolerance_m: f64,
-    obstacles: Vec<Obstacle>,
-    /// Speed bound of each robot of the fleet that is not ours.
-    foreign_speed_mps: Vec<Option<f64>>,
-    /// The bounds on the disturbances that are allowed for; `None` when there are none.
-    bounds: Option<Disturbance>,
-    /// What they make of the rows, with this period's timing.
-    margin: Option<Margin>,
-    /// Age from which on an observation is not trusted, s.
-    max_age_s: f64,
-    /// Time for which a foreign robot moves while a command of ours may, from its state on, s.
-    foreign_s: f64,
-    /// How far a robot of ours without a trusted state may be from where it is taken to be, m: at least,
-    /// and what disturbances add.
-    untrusted_m: f64,
-    lost_m: f64,
-    /// Largest radius of the fleet, m, and how far at most a robot of ours may be from where it is seen,
-    /// m: of this period's states.
-    largest_radius_m: f64,
-    unknown_m: f64,
-    /// How far the largest look.
-    largest_sight: Sight,
-    /// Length of the longest way on which one of ours may stand, m; `None` when none may.
-    longest_way_m: Option<f64>,
-    /// Indices of the robots that everybody looks at however far: those that are not ours, and one of
-    /// ours that may be anywhere. What is not known of these few would have all look at the whole fleet.
-    strangers: Vec<usize>,
-}
-
-impl Law {
-    fn new(config: &Config) -> Self {
-        let (scenario, robots) = (&config.scenario, config.places());
-        let (decrease, period_s) = (Decrease::of(&config.controller), config.timing.period_s());
-        Self {
-            control: config.controller,
-            limits: scenario.limits,
-            decrease,
-            heading: HeadingLaw::new(period_s, scenario.limits.turn_rate_radps(), decrease),
-            guidance: config.guidance,
-            period_s,
-            ahead_s: 0.0,
-            tolerance_m: scenario.tolerance_m,
-            obstacles: scenario.obstacles.clone(),
-            bounds: (!config.robust.is_none()).then_some(config.robust),
-            margin: None,
-            max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
-            foreign_s: 0.0,
-            untrusted_m: 0.0,
-            lost_m: 0.0,
-            largest_radius_m: 0.0,
-            unknown_m: 0.0,
-            largest_sight: Sight { all_m: 0.0, nearest_m: 0.0, nearest: 0 },
-            longest_way_m: None,
-            strangers: Vec::with_capacity(robots),
-            foreign_speed_mps: (0..robots)
-                .map(|index| scenario.robots.get(index).and_then(|robot| robot.foreign_speed_mps))
-                .collect(),
-        }
-    }
-
-    /// Bodies that one robot looks at, at most.
-    fn bodies_max(&self) -> usize {
-        BODIES_MAX + self.obstacles.len()
-    }
-
-    /// Takes in what does not depend on the states of this period, before its robots are shown to a [`Survey`].
-    fn begin(&mut self, timing: Timing) {
-        let (ahead_s, foreign_periods) = match timing {
-            Timing::LogicalExecutionTime => (self.period_s, 2.0),
-            Timing::Ideal => (0.0, 1.0),
-        };
-        self.ahead_s = ahead_s;
-        self.margin = self.bounds.map(|b| Margin::new(b, &self.limits, self.period_s, ahead_s));
-        self.foreign_s = foreign_periods * self.period_s + self.margin.map_or(0.0, |m| m.rest_s());
-        let silent_s = self.max_age_s + rows::UNTRUSTED_PERIODS * self.period_s;
-        self.untrusted_m = rows::UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
-        self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
-        self.strangers.clear();
-    }
-
-    /// Takes in what was seen of all robots.
-    fn end(&mut self, survey: Survey) {
-        let way_m = self.period_s * self.limits.speed_mps() * (1.0 + self.spread());
-        self.strangers = survey.strangers;
-        self.largest_radius_m = survey.largest_radius_m;
-        self.longest_way_m = survey.longest_way_m;
-        self.unknown_m = self.untrusted_m.max(survey.unseen_m + way_m) + self.lost_m;
-        self.largest_sight = self.sight_of_radius(self.largest_radius_m);
-    }
-
-    /// Takes in what is the same for all robots in this period.
-    #[cfg(test)]
-    fn prepare(&mut self, fleet: &[RobotState], timing: Timing) {
-        self.begin(timing);
-        let mut survey = Survey::in_place_of(&mut self.strangers);
-        for (index, robot) in fleet.iter().enumerate() {
-            survey.see(self, index, robot);
-        }
-        self.end(survey);
-    }
-
-    /// κ of the commands; 0 without disturbances.
-    fn spread(&self) -> f64 {
-        self.margin.map_or(0.0, |margin| margin.spread())
-    }
-
-    /// How far a robot at rest may be from where it is seen, m.
-    fn noise_m(&self) -> f64 {
-        self.bounds.map_or(0.0, |bounds| bounds.position_m)
-    }
-
-    /// Where a robot may be around its predicted pose.
-    fn reach(&self, robot: &RobotState) -> Reach {
-        let Some(margin) = &self.margin else { return Reach::default() };
-        if robot.has(state_flags::FOREIGN) {
-            // It takes no commands: only where it was seen is in doubt.
-            return Reach { error_m: margin.bounds().position_m, ..Reach::default() };
-        }
-        margin.reach(robot.uncertainty_m, robot.command())
-    }
-
-    /// Length of the way from where a robot was last seen to where the next command finds it, m.
-    fn way_m(&self, robot: &RobotState) -> f64 {
-        (robot.way_m + robot.v_mps.abs() * self.ahead_s).max(0.0) + self.reach(robot).lead_m
-    }
-
-    /// The way on which a predicted robot may stand.
-    fn way(&self, predicted: &RobotState) -> Way {
-        let length_m = self.way_m(predicted);
-        Way { from_m: predicted.seen_m(), to_m: predicted.position_m(), length_m }
-    }
-
-    /// How far a robot that stands on its way may be from what is taken to be that way, m.
-    fn stray_m(&self, robot: &RobotState) -> f64 {
-        self.margin.map_or(0.0, |margin| {
-            let reach = self.reach(robot);
-            reach.lead_m + reach.extent_m() + margin.stray_m(self.way_m(robot), self.max_age_s + self.ahead_s)
-        })
-    }
-
-    /// How far a robot of this radius looks for a stranger, m: to where its row can bind.
-    fn sight_of_m(&self, radius_m: f64, index: usize, stranger: &RobotState) -> f64 {
-        let moved_m = self.foreign_speed_mps[index].map_or(0.0, |speed_mps| self.foreign_s * speed_mps);
-        let required = self.limits.safety_margin_m + radius_m + stranger.radius_m;
-        self.rows_m(required + stranger.uncertainty_m + moved_m, 0.5)
-    }
-
-    /// How far from a robot a row that keeps `required_m` and leaves this share of the gap can bind, m.
-    fn rows_m(&self, required_m: f64, share: f64) -> f64 {
-        let rate = self.control.gamma.min(self.control.comfort_gamma);
-        let extent = self.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
-        let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
-        activation_m(required_m + extent, speed_mps, self.period_s, rate, share)
-    }
-
-    /// How far a robot of this radius looks: for every row that can bind, and for the guidance.
-    #[inline]
-    fn sight(&self, radius_m: f64) -> Sight {
-        // Most often all are of one size.
-        if radius_m == self.largest_radius_m { self.largest_sight } else { self.sight_of_radius(radius_m) }
-    }
-
-    fn sight_of_radius(&self, radius_m: f64) -> Sight {
-        let required = self.limits.safety_margin_m + radius_m + self.largest_radius_m;
-        let robots_m = self.rows_m(required + self.unknown_m, 0.5);
-        let ways_m = self.longest_way_m.map_or(0.0, |way_m| {
-            let stray_m = self.margin.map_or(0.0, |margin| {
-                2.0 * margin.extent_max_m() + margin.stray_m(way_m, self.max_age_s + self.ahead_s)
-            });
-            // As far as its end may be from its nearest point, and its bow.
-            self.rows_m(required + stray_m + 1.5 * way_m, 1.0)
-        });
-        let rows_m = robots_m.max(ways_m);
-        let printed_m = (required * required + printed::ACTIVATION_M2).sqrt();
-        let all_m = if self.control.profile == Profile::Paper { rows_m.max(printed_m) } else { rows_m };
-        Sight { all_m, nearest_m: self.guidance.sight_m, nearest: guidance::NEIGHBOURS_MAX }
-    }
-}
-
-/// What one look at all robots of a period finds.
-#[derive(Debug, Default)]
-struct Survey {
-    strangers: Vec<usize>,
-    largest_radius_m: f64,
-    longest_way_m: Option<f64>,
-    /// Largest uncertainty of those that are no strangers, m.
-    unseen_m: f64,
-    /// Somebody may be anywhere.
-    nowhere: bool,
-}
-
-impl Survey {
-    /// Of nobody yet, with the room of this list.
-    fn in_place_of(strangers: &mut Vec<usize>) -> Self {
-        Self { strangers: std::mem::take(strangers), ..Self::default() }
-    }
-
-    /// Looks at one robot.
-    #[inline]
-    fn see(&mut self, law: &Law, index: usize, robot: &RobotState) {
-        if robot.has(state_flags::MAY_STAND) {
-            let way_m = law.way_m(robot);
-            self.longest_way_m = Some(self.longest_way_m.map_or(way_m, |longest_m| longest_m.max(way_m)));
-        }
-        self.largest_radius_m = self.largest_radius_m.max(robot.radius_m);
-        if robot.has(state_flags::VACANT) {
-            return;
-        }
-        let foreign = law.foreign_speed_mps[index].is_some();
-        // One that may be anywhere stops all; a second one changes nothing.
-        let first = !robot.uncertainty_m.is_finite() && !std::mem::replace(&mut self.nowhere, true);
-        if foreign || first {
-            self.strangers.push(index);
-        } else if robot.uncertainty_m.is_finite() {
-            self.unseen_m = self.unseen_m.max(robot.uncertainty_m);
-        }
-    }
 }
 
 /// The solver of a group.
@@ -599,6 +363,7 @@ impl RobotGroup {
 mod tests {
     use super::*;
     use crate::scenario::Scenario;
+    use crate::wire::state_flags;
 
     /// One robot that is not ours, far away and long unseen, is heeded by all, and makes none of them
     /// look farther for the others.

@@ -32,10 +32,6 @@ const BOW_MIN_M: f64 = 1e-7;
 /// Distances below this have no direction, m.
 const COINCIDENT_M: f64 = 1e-9;
 
-/// How far a robot may be from the last pose that was trusted, in periods of full speed: it drove on
-/// under the command then in force and under the one already committed, and stands since.
-pub(super) const UNTRUSTED_PERIODS: f64 = 2.0;
-
 /// A direction for coincident centres: opposite for the two robots, so that they may part.
 fn away(offset: Vec2, distance_m: f64, me: u32, other: u32) -> Vec2 {
     if distance_m > COINCIDENT_M {

@@ -2,11 +2,10 @@
 
 use crate::certificate::robust::Margin;
 use crate::config::Config;
+use crate::controller::UNTRUSTED_PERIODS;
 use crate::model::Command;
 use crate::wire::{RobotState, state_flags};
 
-/// Periods of full speed that a robot may be from the last pose that was trusted.
-const UNTRUSTED_PERIODS: f64 = 2.0;
 /// Periods until a robot that is added is known to whoever answers one that is not ours.
 const FOREIGN_PERIODS: f64 = 2.0;
 
