@@ -1,5 +1,8 @@
 //! One seed: the daemon's turns, the world's, and what is looked at after each period.
 
+mod looking;
+mod working;
+
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -12,16 +15,13 @@ use super::listener::Listener;
 use super::operator::Operator;
 use super::plan::{Fault, Options, Plan};
 use super::random::Random;
-use super::world::{FLEET, World, flip};
-use crate::channel::Channel;
+use super::world::World;
 use crate::channel::memory::{Memory, Message, Queue};
 use crate::clock::{Clock, VirtualTime};
 use crate::geometry::Vec2;
 use crate::runtime::Crew;
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotState, state_flags};
+use crate::wire::{RobotCheckpoint, RobotCommand, RobotState};
 
-/// Periods after the last fault in which everybody who can has to arrive.
-const ARRIVE: u64 = 2500;
 /// Periods of a daemon before it is expected to drive.
 pub(crate) const BEGIN: u64 = 8;
 
@@ -250,141 +250,6 @@ impl Run {
         );
     }
 
-    /// The loop waits for its workers until `wake_ns`; whether the daemon is killed meanwhile.
-    pub(crate) fn waiting(&mut self, now: &VirtualTime, wake_ns: u64) -> bool {
-        let Some(tick) = self.crew.as_ref().and_then(Crew::released) else {
-            now.sleep_until(wake_ns);
-            return false;
-        };
-        let period = self.world.period(now.now_ns());
-        if self.turns.0 != Some(tick) {
-            let mut left: Vec<usize> = (0..self.plan.workers).collect();
-            let mut shuffled = Vec::new();
-            while !left.is_empty() {
-                shuffled.push(left.swap_remove(self.order.index(left.len())));
-            }
-            self.turns = (Some(tick), shuffled);
-            self.remember_state();
-            if self.due(Kind::Kill, period).is_some() {
-                return true;
-            }
-            if let Some(one) = self.due(Kind::Preempted, period) {
-                one.applied = 1;
-                let over_ns = (one.fault.chance * 0.5 * self.period_ns() as f64) as u64;
-                let workers = std::mem::take(&mut self.turns.1);
-                for worker in workers {
-                    self.work(worker, period, now.now_ns());
-                }
-                self.look_who_went_without(tick, period);
-                self.advance(now, wake_ns + self.plan.config.timing.margin_ns() + over_ns);
-                return false;
-            }
-        }
-        match self.turns.1.pop() {
-            Some(worker) => {
-                self.work(worker, period, wake_ns);
-                if self.turns.1.is_empty() {
-                    self.look_who_went_without(tick, period);
-                }
-                let work_ns = 20_000 + self.order.below(100_000);
-                now.sleep_until((now.now_ns() + work_ns).min(wake_ns));
-            }
-            None => self.advance(now, wake_ns),
-        }
-        false
-    }
-
-    fn remember_state(&mut self) {
-        let newest = self.monitors.states.edit(|waiting| waiting.back().cloned());
-        if newest.is_some() {
-            self.older = std::mem::replace(&mut self.newest, newest);
-        }
-    }
-
-    /// One worker's turn, and what goes wrong with it.
-    fn work(&mut self, worker: usize, period: u64, deadline_ns: u64) {
-        let Some(crew) = &mut self.crew else { return };
-        let before = self.switches.get(worker).map_or(0, |switch| switch.applied.get());
-        let mut works = true;
-        for one in &mut self.active {
-            if one.fault.target != worker
-                || one.kind().promise().scope != Scope::Worker
-                || !one.acts_at(period)
-            {
-                continue;
-            }
-            match one.kind() {
-                Kind::WorkerHang => works = false,
-                Kind::WorkerLate => {
-                    self.late.push((deadline_ns + 100_000, worker));
-                    works = false;
-                }
-                Kind::StateLost => {
-                    if let Some(states) = crew.states(worker) {
-                        states.edit(VecDeque::clear);
-                    }
-                }
-                Kind::StateOld => {
-                    let Some(older) = &self.older else { continue };
-                    if let Some(states) = crew.states(worker) {
-                        states.edit(|waiting| *waiting = VecDeque::from([older.clone()]));
-                    }
-                }
-                Kind::StateBit => {
-                    let (chance, times) = (one.fault.chance, one.applied);
-                    if let Some(states) = crew.states(worker) {
-                        states.edit(|waiting| waiting.iter_mut().for_each(|one| flip(one, chance, times)));
-                    }
-                }
-                Kind::StateOtherEpoch => {
-                    if let Some(states) = crew.states(worker) {
-                        states.edit(|waiting| {
-                            for one in waiting {
-                                one.header.epoch -= 1;
-                                Channel::State.seal(FLEET).put(&mut one.header, &one.robots);
-                            }
-                        });
-                    }
-                }
-                _ => continue,
-            }
-            one.applied += 1;
-        }
-        if works {
-            crew.work(worker);
-        }
-        let applied = self.switches.get(worker).map_or(0, |switch| switch.applied.get()) - before;
-        for one in &mut self.active {
-            let inside = matches!(
-                one.kind(),
-                Kind::WorkerPanic
-                    | Kind::WorkerRests
-                    | Kind::SolverNan
-                    | Kind::SolverBeyond
-                    | Kind::SolverAlmost
-                    | Kind::SolverGivesUp
-                    | Kind::AnswerWild
-            );
-            if inside && one.fault.target == worker && one.acts_at(period) {
-                one.applied += applied;
-                // Where the others had answered everything it had nothing to panic at, and will not rest.
-                one.armed &= applied > 0 || one.kind() != Kind::WorkerRests;
-            }
-        }
-    }
-
-    /// All workers had their turns: where the others answered for the one that did not, there is nothing to show.
-    fn look_who_went_without(&mut self, tick: u64, period: u64) {
-        let (Some(crew), Some(state)) = (&self.crew, &self.newest) else { return };
-        let nobody = state_flags::VACANT | state_flags::FOREIGN;
-        let mut ours = state.robots.iter().enumerate().filter(|(_, robot)| robot.flags & nobody == 0);
-        let missing = ours.any(|(index, _)| !crew.has_answer(index, tick));
-        let silent = [Kind::WorkerLate, Kind::StateLost, Kind::StateOld, Kind::StateOtherEpoch];
-        for one in self.active.iter_mut().filter(|one| one.acts_at(period) && silent.contains(&one.kind())) {
-            one.armed &= missing;
-        }
-    }
-
     fn operate(&mut self, now_ns: u64) {
         let period = self.world.period(now_ns);
         self.operator.act((now_ns, period), &self.plan, &self.goals_m, &mut self.active);
@@ -406,98 +271,5 @@ impl Run {
         for text in wrong {
             judge.fail(period, None, 'c', text);
         }
-    }
-
-    /// Looks at everything that was published and counted since the last time.
-    pub(crate) fn look(&mut self, now_ns: u64) {
-        let period = self.world.period(now_ns);
-        let Some(crew) = &mut self.crew else { return };
-        crew.keep_house();
-        let lines = self.listener.take();
-        let counts = crew.counts();
-        let mut commands = self.monitors.commands.edit(std::mem::take);
-        let states = self.monitors.states.edit(std::mem::take);
-        for message in &commands {
-            let (epoch, tick) = (message.header.epoch, message.header.tick);
-            let answered = |state: &&Message<RobotState>| {
-                state.header.epoch == epoch && state.header.tick.wrapping_add(1) == tick
-            };
-            self.world.genuine.add(message.clone(), states.iter().find(answered).cloned());
-        }
-        let checkpoints = self.monitors.checkpoints.edit(std::mem::take);
-        let world = &self.world;
-        self.judge.published(
-            &self.plan,
-            (&states, commands.make_contiguous(), &checkpoints),
-            &mut self.active,
-            |stamp_ns| world.period(stamp_ns),
-            self.ending,
-        );
-        self.judge.counted(period, &counts, &self.world.outside, &lines, &mut self.active);
-        self.judge.expire(period, &mut self.active);
-        self.end_when_done(period);
-    }
-
-    /// The daemon is killed; for how many periods it stays away.
-    pub(crate) fn kill(&mut self, period: u64) -> u64 {
-        self.look_at_the_last(period);
-        self.crew = None;
-        self.memory.command.exhaust(false);
-        self.late.clear();
-        self.turns = (None, Vec::new());
-        let Some(one) = self.due(Kind::Kill, period + 1).map(|one| one.fault.number) else { return 3 };
-        let mut down = 3;
-        for active in self.active.iter_mut().filter(|active| active.fault.number == one) {
-            (active.applied, down) = (1, active.fault.periods);
-            active.last = period + down + 2;
-            active.until = active.last + active.kind().promise().recovery;
-        }
-        down
-    }
-
-    /// What went out before the end of a daemon still acts.
-    fn look_at_the_last(&mut self, _: u64) {
-        let commands = self.monitors.commands.edit(std::mem::take);
-        for message in commands {
-            self.world.genuine.add(message, None);
-        }
-        self.monitors.states.edit(VecDeque::clear);
-        self.monitors.checkpoints.edit(VecDeque::clear);
-    }
-
-    /// Where everybody is to be in the end.
-    fn expected_m(&self) -> Vec<Vec2> {
-        #[allow(unused_mut, reason = "tests expect somebody elsewhere")]
-        let mut goals_m = self.goals_m.clone();
-        #[cfg(test)]
-        for goal_m in &mut goals_m {
-            goal_m.x += self.expected_off_m;
-        }
-        goals_m
-    }
-
-    fn end_when_done(&mut self, period: u64) {
-        let Some(crew) = &self.crew else { return };
-        if self.ending
-            || (self.judge.failures().is_empty() && (period < self.faults_until || !self.pending.is_empty()))
-        {
-            return;
-        }
-        if self.judge.failures().is_empty() {
-            if !self.active.is_empty() {
-                return;
-            }
-            let goals_m = self.expected_m();
-            if !self.judge.settled(&self.plan, &goals_m) {
-                if period > self.faults_until + ARRIVE {
-                    let who = self.judge.who_is_away(&self.plan, &goals_m);
-                    self.judge.fail(period, None, 'l', format!("no fault acts any more, and {who}"));
-                } else {
-                    return;
-                }
-            }
-        }
-        self.ending = true;
-        crew.stop();
     }
 }
