@@ -115,7 +115,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn around(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> Vec<Body> {
-        bodies(law, fleet, me, near, law.control.gamma).collect()
+        let mut found = Vec::new();
+        bodies(law, fleet, me, near, law.control.gamma, |body| {
+            found.push(body);
+            Some(())
+        });
+        found
     }
 
     fn is_safe(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby], command: Command) -> bool {

@@ -53,14 +53,16 @@ pub(super) fn binding<'a>(law: &Law, near: &'a [Nearby], all_m: f64) -> &'a [Nea
     &near[..beyond.unwrap_or(near.len())]
 }
 
-/// The bodies whose rows can bind, nearest robots first, then obstacles.
-pub(super) fn bodies<'a>(
-    law: &'a Law,
-    fleet: &'a [RobotState],
+/// Tells `found` the bodies whose rows can bind, nearest robots first, then the ways on which they may stand, then
+/// obstacles, until it answers with none.
+pub(super) fn bodies(
+    law: &Law,
+    fleet: &[RobotState],
     me: usize,
-    near: &'a [Nearby],
+    near: &[Nearby],
     rate: f64,
-) -> impl Iterator<Item = Body> + 'a {
+    mut found: impl FnMut(Body) -> Option<()>,
+) -> Option<()> {
     let own = &fleet[me];
     let here = own.position_m();
     // Without disturbances nobody's heading matters here.
@@ -70,16 +72,16 @@ pub(super) fn bodies<'a>(
     let speed_mps = law.limits.speed_mps() * (1.0 + law.spread());
     // Where a row with half or with all of the gap begins to bind, beyond what it requires.
     let [half_m, whole_m] = [0.5, 1.0].map(|share| activation_m(0.0, speed_mps, law.period_s, rate, share));
-    let reach = move |required_m: f64, beyond_m: f64| required_m + extent_m + beyond_m;
+    let reach = |required_m: f64, beyond_m: f64| required_m + extent_m + beyond_m;
     // Towards the other one, how far we and it may be from where we are seen, and in any direction.
-    let doubt = move |normal: Vec2, other: Option<(Vec2, Reach)>| {
+    let doubt = |normal: Vec2, other: Option<(Vec2, Reach)>| {
         let own_m = mine.towards_m(normal.dot(&ahead));
         let (other_m, extent_m) = other.map_or((0.0, 0.0), |(heading, theirs)| {
             (theirs.towards_m(-normal.dot(&heading)), theirs.extent_m())
         });
         (own_m + other_m, mine.extent_m() + extent_m)
     };
-    let robots = near.iter().filter_map(move |n| {
+    for n in near {
         let other = &fleet[n.index];
         // What it may move beyond what is known, and our share of what that leaves: one that is not ours
         // uses up what it can reach until the command has acted, and leaves us the whole rest.
@@ -93,22 +95,22 @@ pub(super) fn bodies<'a>(
             }
         };
         let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + unknown_m;
-        (n.distance_m <= reach(required_m, beyond_m)).then(|| {
+        if n.distance_m <= reach(required_m, beyond_m) {
             let normal = away(here - other.position_m(), n.distance_m, own.id, other.id);
             let (doubt_m, extent_m) = doubt(normal, Some((heading(other), law.reach(other))));
             let gap_m = n.distance_m - required_m - doubt_m;
-            Body {
+            found(Body {
                 normal,
                 gap_m,
                 share,
                 anywhere: unknown_m > 0.0 && gap_m < 0.0,
                 blind: extent_m / n.distance_m.max(COINCIDENT_M),
-            }
-        })
-    });
+            })?;
+        }
+    }
     // One of ours that follows its commands may as well have come to a stand anywhere on its way. Then it
     // goes on standing, and leaves us the whole gap.
-    let standing = move |other: &RobotState| {
+    let standing = |other: &RobotState| {
         let (way, stray_m) = (law.way(other), law.stray_m(other));
         let required_m = law.limits.safety_margin_m + own.radius_m + other.radius_m + stray_m;
         let body = |point: Vec2, beyond_m: f64, (touches, bends): (bool, bool)| {
@@ -140,26 +142,29 @@ pub(super) fn bodies<'a>(
         // Within reach of it: no closer to either end, and so to no point between them.
         [way.from_m, way.to_m].map(|end| Some(body(end, bow_m, (true, bow_m > straight_m))))
     };
-    let may_stand =
-        near.iter().map(move |n| &fleet[n.index]).filter(|other| other.has(state_flags::MAY_STAND));
-    let ways = may_stand.flat_map(move |other| standing(other).into_iter().flatten());
-    let obstacles = law.obstacles.iter().filter_map(move |obstacle| {
+    // Without a longest way there is none.
+    if law.longest_way_m.is_some() {
+        let others = near.iter().map(|n| &fleet[n.index]);
+        let mut ways = others.filter(|other| other.has(state_flags::MAY_STAND)).map(standing);
+        ways.try_for_each(|ends| ends.into_iter().flatten().try_for_each(&mut found))?;
+    }
+    for obstacle in &law.obstacles {
         let required_m = law.limits.safety_margin_m + own.radius_m + obstacle.reach_m();
         let offset = here - obstacle.closest_core_point(here);
         let distance_m = offset.norm();
-        (distance_m <= reach(required_m, whole_m)).then(|| {
+        if distance_m <= reach(required_m, whole_m) {
             let normal = away(offset, distance_m, 0, 1);
             let (doubt_m, extent_m) = doubt(normal, None);
-            Body {
+            found(Body {
                 normal,
                 gap_m: distance_m - required_m - doubt_m,
                 share: 1.0,
                 anywhere: false,
                 blind: extent_m / distance_m.max(COINCIDENT_M),
-            }
-        })
-    });
-    robots.chain(ways).chain(obstacles)
+            })?;
+        }
+    }
+    Some(())
 }
 
 /// How fast a body is approached by unit speed along `ahead` at the turn rate `omega_radps`.
@@ -205,7 +210,7 @@ pub(super) fn gather<'a>(
     found.clear();
     // The smaller rate reaches further: one sweep serves both kinds of rows.
     let rate = law.control.gamma.min(law.control.comfort_gamma);
-    bodies(law, fleet, me, near, rate).try_for_each(|body| (found.len() < room).then(|| found.push(body)))?;
+    bodies(law, fleet, me, near, rate, |body| (found.len() < room).then(|| found.push(body)))?;
     Some(found)
 }
 
