@@ -40,29 +40,59 @@ pub fn approach_linear(normal: f64, tangent: f64, turn_rate_radps: f64, period_s
 const FAR_RAD: f64 = 3.0;
 
 /// Form F1: exact for a given ω; `normal` = n·h = cos φ and `tangent` = sin φ as above.
+pub fn approach_exact(normal: f64, tangent: f64, omega_radps: f64, period_s: f64) -> Approach {
+    Turning::new(omega_radps, period_s).approach(normal, tangent)
+}
+
+/// What form F1 takes of one turn, whatever it is towards.
 ///
 /// The largest approach of a unit-speed arc is at s = 0, at s = T, or where the heading is square to n. The way
 /// along n is (sin(φ + ωs) − sin φ)/ω; up to where the heading is square it is (1 − σ)/|ω| with
 /// σ = sin φ · sign(ω cos φ), for σ > 0 without cancellation cos² φ/(1 + σ)/|ω|, and no angle is needed.
-pub fn approach_exact(normal: f64, tangent: f64, omega_radps: f64, period_s: f64) -> Approach {
-    let half = 0.5 * omega_radps * period_s;
-    if half.is_nan() || half.abs() >= 0.5 * FAR_RAD {
-        return approach_far(libm::atan2(tangent, normal), omega_radps, period_s);
+#[derive(Debug, Clone, Copy)]
+pub struct Turning {
+    omega_radps: f64,
+    period_s: f64,
+    /// Of half the turn.
+    sin: f64,
+    cos: f64,
+    /// What unit speed covers, s.
+    chord_s: f64,
+    /// It may turn so far that its heading is square to n more than once.
+    far: bool,
+}
+
+impl Turning {
+    /// Turning at `omega_radps` for one period.
+    pub fn new(omega_radps: f64, period_s: f64) -> Self {
+        let half = 0.5 * omega_radps * period_s;
+        if half.is_nan() || half.abs() >= 0.5 * FAR_RAD {
+            return Self { omega_radps, period_s, sin: 0.0, cos: 0.0, chord_s: 0.0, far: true };
+        }
+        let (sin, cos) = sincos(half);
+        let chord_s = period_s * if half.abs() < 1e-4 { sinc(half) } else { sin / half };
+        Self { omega_radps, period_s, sin, cos, chord_s, far: false }
     }
-    let (sin, cos) = sincos(half);
-    let chord = period_s * if half.abs() < 1e-4 { sinc(half) } else { sin / half };
-    let end = -chord * (normal * cos - tangent * sin);
-    let mut approach = Approach { forward: end.max(0.0), backward: (-end).max(0.0) };
-    let normal_at_end = normal * (1.0 - 2.0 * sin * sin) - tangent * (2.0 * sin * cos);
-    if normal * normal_at_end < 0.0 {
-        // Of sin φ, what is on the side that it turns to.
-        let side = tangent * omega_radps.signum() * normal.signum();
-        let rest = if side > 0.0 { normal * normal / (1.0 + side) } else { 1.0 - side };
-        let square = -rest.copysign(normal) / omega_radps.abs();
-        approach.forward = approach.forward.max(square);
-        approach.backward = approach.backward.max(-square);
+
+    /// How far it approaches a body, `normal` = n·h = cos φ and `tangent` = sin φ.
+    pub fn approach(&self, normal: f64, tangent: f64) -> Approach {
+        let Self { omega_radps, sin, cos, .. } = *self;
+        if self.far {
+            return approach_far(libm::atan2(tangent, normal), omega_radps, self.period_s);
+        }
+        let end = -self.chord_s * (normal * cos - tangent * sin);
+        let mut approach = Approach { forward: end.max(0.0), backward: (-end).max(0.0) };
+        let normal_at_end = normal * (1.0 - 2.0 * sin * sin) - tangent * (2.0 * sin * cos);
+        if normal * normal_at_end < 0.0 {
+            // Of sin φ, what is on the side that it turns to.
+            let side = tangent * omega_radps.signum() * normal.signum();
+            let rest = if side > 0.0 { normal * normal / (1.0 + side) } else { 1.0 - side };
+            let square = -rest.copysign(normal) / omega_radps.abs();
+            approach.forward = approach.forward.max(square);
+            approach.backward = approach.backward.max(-square);
+        }
+        approach
     }
-    approach
 }
 
 /// The exact form for turns of any size; `phi_rad` in [−π, π] is the angle from n to the heading.

@@ -1,7 +1,7 @@
 //! The last check before a command goes out: the exact motion against the bodies, not the programme.
 //!
 //! Who is near, how far beyond the required distance, and which share of that gap is ours: that it takes
-//! from the rows' [bodies](super::rows::bodies), and a mistake there it would share. Those are looked for from outside, by the
+//! from the rows' [bodies](super::bodies::gather), and a mistake there it would share. Those are looked for from outside, by the
 //! theorem's tests over continuous time and by the simulator, each with a geometry of its own. What it
 //! does not take over is what the rows make of them. They were computed from closed forms of the approach,
 //! and the command is what a solver made of the rows; here the arc itself is held against the line that it
@@ -9,7 +9,8 @@
 //! that holds all that the command may still do.
 
 use super::Law;
-use super::rows::{Body, approach_at, is_out_of_reach};
+use super::bodies::Body;
+use super::rows::{Approaching, is_out_of_reach};
 use crate::certificate::barrier::budget_m;
 use crate::certificate::robust::CONTACT_M;
 use crate::geometry::{Arc, Pose, Vec2, bearing, min_distance_arc_segment, unit};
@@ -18,16 +19,47 @@ use crate::model::Command;
 /// Rounding that the check forgives, m.
 const ROUNDING_M: f64 = 1e-11;
 
+/// Margin beyond which rounding decides nothing, as a part of the way.
+const CLEAR: f64 = 1e-9;
+
+/// Holds `command` back to the largest speed that keeps its share of every gap at its turn rate, by a robot from that pose
+/// on, with its heading as a vector. Whether it then is admissible, and keeps it at every instant of the period.
+pub(super) fn held_back(
+    law: &Law,
+    (start, ahead): (Pose, Vec2),
+    bodies: &[Body],
+    command: &mut Command,
+) -> bool {
+    if bodies.iter().all(|body| is_clear(law, ahead, body, *command)) {
+        return law.limits.admits(*command);
+    }
+    let limit = speed_limit_mps(law, ahead, bodies, *command);
+    command.v_mps = command.v_mps.clamp(-limit, limit);
+    is_safe(law, start, bodies, *command)
+}
+
+/// Whether a body is so far off, or so far to the side, that no way of this command's length leads across its line
+/// whatever it bends: it keeps clear of it and does not limit its speed.
+fn is_clear(law: &Law, ahead: Vec2, body: &Body, command: Command) -> bool {
+    let driven_m = command.v_mps.abs() * law.period_s;
+    let budget_m = budget_m(body.gap_m, law.control.gamma, body.share);
+    let is_within = |towards: f64| driven_m * (towards + CLEAR) <= budget_m;
+    let towards = -body.normal.dot(&ahead) * command.v_mps.signum();
+    let most = towards + (command.omega_radps * law.period_s).abs();
+    law.margin.is_none() && !body.anywhere && (is_within(1.0) || is_within(most))
+}
+
 /// Largest |v| of `command`'s sign that keeps its share of every gap at its turn rate, by a robot that heads along
 /// `ahead`, m/s.
-pub(super) fn speed_limit_mps(law: &Law, ahead: Vec2, bodies: &[Body], command: Command) -> f64 {
+fn speed_limit_mps(law: &Law, ahead: Vec2, bodies: &[Body], command: Command) -> f64 {
     let mut limit = law.limits.speed_mps();
+    let approaching = Approaching::new(law, ahead, command.omega_radps);
     for body in bodies {
         let budget_m = budget_m(body.gap_m, law.control.gamma, body.share);
         if is_out_of_reach(law, ahead, command.omega_radps.abs(), body, budget_m) {
             continue;
         }
-        let approach = approach_at(law, ahead, command.omega_radps, body);
+        let approach = approaching.exact(body);
         let rate = if command.v_mps < 0.0 { approach.backward } else { approach.forward };
         if rate > 0.0 {
             limit = limit.min(budget_m / rate);
@@ -37,7 +69,7 @@ pub(super) fn speed_limit_mps(law: &Law, ahead: Vec2, bodies: &[Body], command: 
 }
 
 /// Whether `command` from `start` on is admissible and keeps its share of every gap at every instant of the period.
-pub(super) fn is_safe(law: &Law, start: Pose, bodies: &[Body], command: Command) -> bool {
+fn is_safe(law: &Law, start: Pose, bodies: &[Body], command: Command) -> bool {
     let arc = Arc { start, v_mps: command.v_mps, omega_radps: command.omega_radps };
     law.limits.admits(command)
         && bodies.iter().all(|body| {
@@ -107,7 +139,7 @@ mod tests {
     use crate::certificate::robust::Margin;
     use crate::config::Config;
     use crate::controller::Timing;
-    use crate::controller::rows::bodies;
+    use crate::controller::bodies::gather;
     use crate::model::{Disturbance, Limits};
     use crate::neighbours::{NO_PLACE, Nearby};
     use crate::scenario::Scenario;
@@ -116,10 +148,7 @@ mod tests {
 
     fn around(law: &Law, fleet: &[RobotState], me: usize, near: &[Nearby]) -> Vec<Body> {
         let mut found = Vec::new();
-        bodies(law, fleet, me, near, law.control.gamma, |body| {
-            found.push(body);
-            Some(())
-        });
+        assert!(gather(law, fleet, me, near, (law.bodies_max(), &mut found)).is_some());
         found
     }
 
@@ -219,6 +248,34 @@ mod tests {
             prop_assume!(v == 0.0 || anywhere || !near_the_border);
             let expected = v == 0.0 || used <= budget && !anywhere;
             prop_assert_eq!(keeps_clear_disturbed(&arc, &body, budget, t, spread), expected, "{} {}", used, budget);
+        }
+
+        /// Leaving out the closed form and the arc for what is clear of all bodies changes no bit.
+        #[test]
+        fn what_is_clear_is_neither_held_back_nor_unsafe(
+            at in prop::collection::vec((-3.1..3.1f64, prop_oneof![0.0..0.2f64, -1e-12..1e-12f64, Just(0.0)]), 1..4),
+            theta in -3.1..3.1f64, v in prop_oneof![-3.0..3.0f64, Just(0.0)], omega in -1.0..1.0f64,
+            border in prop_oneof![Just(0.0), -1e-8..1e-8f64, -1e-12..1e-12f64], to in any::<bool>(),
+            anywhere in prop::bool::weighted(0.1), share in prop_oneof![Just(0.5), Just(1.0)],
+        ) {
+            let (law, fleet, _) = pair(theta, 1.0, 0.0);
+            let (start, ahead, command) = (fleet[0].pose(), unit(theta), Command { v_mps: v, omega_radps: omega });
+            let mut bodies: Vec<Body> = at.into_iter().map(|(at, gap_m)| {
+                Body { normal: unit(at), gap_m, share, anywhere: false, blind: 0.0 }
+            }).collect();
+            bodies[0].anywhere = anywhere;
+            if to {
+                // One that the way, or what it can be at most, just about reaches.
+                let most = (omega.abs() * law.period_s - bodies[0].normal.dot(&ahead) * v.signum()).clamp(0.0, 1.0);
+                bodies[0].gap_m = v.abs() * law.period_s * most * (1.0 + border) / (law.control.gamma * share);
+            }
+            let limit = super::speed_limit_mps(&law, ahead, &bodies, command);
+            let mut expected = command;
+            expected.v_mps = command.v_mps.clamp(-limit, limit);
+            let safe = super::is_safe(&law, start, &bodies, expected);
+            let mut held = command;
+            prop_assert_eq!(held_back(&law, (start, ahead), &bodies, &mut held), safe);
+            prop_assert_eq!(held.v_mps.to_bits(), expected.v_mps.to_bits());
         }
 
         /// Just below the largest speed the exact motion passes, and just above it does not.

@@ -12,6 +12,7 @@
 //! allocated by [`RobotGroup::new`]; a solve with the exact solver allocates nothing and cannot panic on
 //! data.
 
+mod bodies;
 mod check;
 mod law;
 pub mod printed;
@@ -120,7 +121,7 @@ struct Workspace {
     listed: Listed,
     predictions: Predictions,
     /// Those whose rows can bind, and obstacles.
-    bodies: Vec<rows::Body>,
+    bodies: Vec<bodies::Body>,
     programme: Programme,
     solution: Solution,
     solver: AnySolver,

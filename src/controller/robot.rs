@@ -1,11 +1,11 @@
 //! One robot's controller: its guidance memory, and its way from the states to a decision.
 
-use super::check::{is_safe, speed_limit_mps};
+use super::check::held_back;
 use super::shelf::{Found, PreparedRoute, RouteShelf};
 use super::told::{shows, told};
-use super::{Decision, Law, Workspace, printed, rows};
+use super::{Decision, Law, Workspace, bodies, printed, rows};
 use crate::certificate::PositionCertificate;
-use crate::config::{BarrierForm, Profile};
+use crate::config::Profile;
 use crate::geometry::{Vec2, unit};
 use crate::guidance::{
     self, Ego, Guidance, Intent, Listed, Memory, OBSTACLES_MAX, ObstacleView, Predictions, Route,
@@ -13,7 +13,7 @@ use crate::guidance::{
 use crate::model::{Command, RobotId};
 use crate::neighbours::Nearby;
 use crate::programme::{Certificate, Interval};
-use crate::solver::{Outcome, Solver, optimal_speed, optimal_turn_rate};
+use crate::solver::{Outcome, Solver, optimal_speed};
 use crate::verify::Residuals;
 use crate::wire::{
     RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry, SolveStatus, StopReason,
@@ -230,12 +230,12 @@ impl RobotController {
         Self::note(law, &aim, telemetry);
 
         let ahead = unit(own.theta_rad);
-        let binding = rows::binding(law, near, sight.all_m);
+        let binding = bodies::binding(law, near, sight.all_m);
         let bodies = match law.control.profile {
             Profile::Paper => &[],
             Profile::Certified | Profile::Exponential => {
                 let found =
-                    rows::gather(law, fleet, self.index, binding, (law.bodies_max(), &mut work.bodies));
+                    bodies::gather(law, fleet, self.index, binding, (law.bodies_max(), &mut work.bodies));
                 found.ok_or(StopReason::Crowded)?
             }
         };
@@ -249,15 +249,8 @@ impl RobotController {
         if law.control.profile == Profile::Paper {
             let limit = printed::speed_limit(law, fleet, self.index, near, optimal_speed(programme));
             programme.v_mps.max = limit.ok_or(StopReason::Solver)?;
-        } else {
-            // Form F1 needs ω before the rows in v: the programme separates, so ω is already decided.
-            let omega = match law.control.barrier {
-                BarrierForm::Exact if !bodies.is_empty() => optimal_turn_rate(programme),
-                _ => 0.0,
-            };
-            if !rows::fill(law, ahead, bodies, omega, programme) {
-                return Err(StopReason::Crowded);
-            }
+        } else if !rows::fill(law, ahead, bodies, programme) {
+            return Err(StopReason::Crowded);
         }
         telemetry.safety_rows = u32::try_from(programme.safety.len()).unwrap_or(u32::MAX);
 
@@ -285,9 +278,7 @@ impl RobotController {
             law.limits.admits(command)
         } else {
             // An interior point solution may stand on the wrong side of a row by its tolerance.
-            let limit = speed_limit_mps(law, ahead, bodies, command);
-            command.v_mps = command.v_mps.clamp(-limit, limit);
-            is_safe(law, own.pose(), bodies, command)
+            held_back(law, (own.pose(), ahead), bodies, &mut command)
         };
         let close = (command.v_mps - solution.v_mps).abs() <= KKT_TOLERANCE * (1.0 + solution.v_mps.abs());
         if !safe || !close || residual > KKT_TOLERANCE {
