@@ -48,17 +48,29 @@ impl Found {
             && std::arch::is_x86_feature_detected!("avx512vl")
             && std::arch::is_x86_feature_detected!("popcnt")
         {
+            let Circle { centre_m, radius_m, own } = circle;
             // SAFETY: the processor has what the function was compiled for.
-            return unsafe { self.look_avx512(grid, circle, x_m, y_m) };
+            return unsafe { self.look_avx512(grid, (x_m, y_m), own, centre_m.x, centre_m.y, radius_m) };
         }
         grid.near(circle.centre_m, circle.radius_m, |row| {
             self.add_each(circle, row.start, &x_m[row.clone()], &y_m[row]);
         });
     }
 
+    /// The circle comes number by number, in registers: read from memory as a whole it would wait for the writes
+    /// before it.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,popcnt")]
-    fn look_avx512(&mut self, grid: &Grid, circle: Circle, x_m: &[f64], y_m: &[f64]) {
+    fn look_avx512(
+        &mut self,
+        grid: &Grid,
+        (x_m, y_m): (&[f64], &[f64]),
+        own: u32,
+        here_x_m: f64,
+        here_y_m: f64,
+        radius_m: f64,
+    ) {
+        let circle = Circle { centre_m: Vec2::new(here_x_m, here_y_m), radius_m, own };
         grid.near(circle.centre_m, circle.radius_m, |row| {
             self.add_avx512(circle, row.start, &x_m[row.clone()], &y_m[row]);
         });
