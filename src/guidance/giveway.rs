@@ -5,8 +5,8 @@
 //! Ranks are ids, so that a finite group always has one robot nobody asks to move. Bounded: 16 directions x 3 lengths.
 
 use super::Params;
-use super::shown::Shown;
-use super::types::{Drive, Ego, Limits, Memory, Neighbour, ObstacleView, Seen, Way};
+use super::shown::{Lanes, Shown};
+use super::types::{Drive, Ego, Limits, Memory, NEIGHBOURS_MAX, Neighbour, ObstacleView, Seen, Way};
 use crate::geometry::{Vec2, bearing, closest_point_on_segment, unit, wrap};
 
 const DIRECTIONS: u32 = 16;
@@ -19,6 +19,9 @@ const REACHED_M: f64 = 0.05;
 const SPEED_SHARE: f64 = 0.4;
 /// Nearer than this is contact.
 const CONTACT_M: f64 = 0.03;
+/// More room than this is no better, and with less than this the spot, or the way to it, is taken.
+const ROOM_M: f64 = 0.3;
+const OVERLAP_M: f64 = -0.005;
 /// How much of the other's path must become free.
 const PATH_M: f64 = 2.5;
 
@@ -34,10 +37,10 @@ pub(super) fn spot(
     let way = &mut memory.way;
     if way.left_s > 0.0 {
         way.left_s -= limits.period_s;
-        let needed = neighbours.iter().any(|n| {
-            n.bearing().gap_m < GONE_M
-                && !neighbours.is_parked(n.lane)
-                && neighbours.who(n.lane).intent.rank == way.rank
+        let needed = neighbours.within(GONE_M).any(|lane| {
+            neighbours.at(lane).bearing().gap_m < GONE_M
+                && !neighbours.is_parked(lane)
+                && neighbours.who(lane).intent.rank == way.rank
         });
         if way.left_s > 0.0 && needed {
             return Some(way.spot_m);
@@ -97,6 +100,7 @@ fn best_spot(
     limits: &Limits,
 ) -> Option<Vec2> {
     let path = ahead(other) * PATH_M;
+    let bodies = Bodies::of(neighbours);
     let mut best = None;
     let mut best_score = f64::NEG_INFINITY;
     for k in 0..DIRECTIONS {
@@ -105,25 +109,32 @@ fn best_spot(
         if !leaves_contacts(ego, direction, neighbours, obstacles) {
             continue;
         }
+        let turn = wrap(angle - ego.heading_rad).abs() / limits.omega_max_radps;
         for length in LENGTHS_M {
             let end = ego.position_m + direction * length;
+            let from_m = other.position_m;
+            let aside = (closest_point_on_segment(end, from_m, from_m + path) - end).norm() - required_m;
+            let score =
+                |room: f64| 3.0 * aside.min(0.4) + 0.5 * room.min(ROOM_M) - 0.15 * turn - 0.1 * length;
+            // Even with all the room that counts it is not the best one.
+            if score(ROOM_M) <= best_score {
+                continue;
+            }
             let mut room = f64::INFINITY;
-            for part in [0.2, 0.5, 1.0] {
+            for part in [1.0, 0.5, 0.2] {
                 let p = ego.position_m + direction * (length * part);
                 for o in obstacles {
                     room = room.min(o.clearance(p).1);
                 }
-                for n in neighbours.iter() {
-                    room = room.min((neighbours.who(n.lane).position_m - p).norm() - n.required_m);
+                room = bodies.room(p, room);
+                if room < OVERLAP_M {
+                    break;
                 }
             }
-            if room < -0.005 {
+            if room < OVERLAP_M {
                 continue;
             }
-            let from_m = other.position_m;
-            let aside = (closest_point_on_segment(end, from_m, from_m + path) - end).norm() - required_m;
-            let turn = wrap(angle - ego.heading_rad).abs() / limits.omega_max_radps;
-            let score = 3.0 * aside.min(0.4) + 0.5 * room.min(0.3) - 0.15 * turn - 0.1 * length;
+            let score = score(room);
             if score > best_score {
                 best_score = score;
                 best = Some(end);
@@ -133,14 +144,126 @@ fn best_spot(
     best
 }
 
+/// Where the neighbours are, side by side; infinitely far where there is none.
+struct Bodies {
+    x_m: Lanes,
+    y_m: Lanes,
+    /// Distances to keep, m.
+    required: Lanes,
+}
+
+impl Bodies {
+    fn of(neighbours: &Shown) -> Self {
+        let nowhere = [f64::INFINITY; NEIGHBOURS_MAX];
+        let mut bodies = Self { x_m: nowhere, y_m: nowhere, required: [0.0; NEIGHBOURS_MAX] };
+        for n in neighbours.iter() {
+            let position_m = neighbours.who(n.lane).position_m;
+            (bodies.x_m[n.lane], bodies.y_m[n.lane]) = (position_m.x, position_m.y);
+            bodies.required[n.lane] = n.required_m;
+        }
+        bodies
+    }
+
+    /// The least of `room` and what is free between `p` and each of them.
+    fn room(&self, p: Vec2, room: f64) -> f64 {
+        let mut rooms = [room; NEIGHBOURS_MAX];
+        for (lane, least) in rooms.iter_mut().enumerate() {
+            let (x, y) = (self.x_m[lane] - p.x, self.y_m[lane] - p.y);
+            let left = (x * x + y * y).sqrt() - self.required[lane];
+            *least = if left < *least { left } else { *least };
+        }
+        rooms.into_iter().fold(room, f64::min)
+    }
+}
+
 /// Whether this direction moves away from everything the robot touches.
 fn leaves_contacts(ego: &Ego, direction: Vec2, neighbours: &Shown, obstacles: &[ObstacleView]) -> bool {
     let free = |normal: Vec2, gap: f64| gap > CONTACT_M || direction.dot(&normal) > 0.02;
     obstacles.iter().all(|o| {
         let (normal, gap) = o.clearance(ego.position_m);
         free(normal, gap)
-    }) && neighbours.iter().all(|n| {
-        let seen = n.bearing();
+    }) && neighbours.within(CONTACT_M).all(|lane| {
+        let seen = neighbours.at(lane).bearing();
         free(seen.normal, seen.gap_m)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::shown::with_all;
+    use super::*;
+    use crate::guidance::types::Intent;
+    use crate::model::Obstacle;
+    use proptest::prelude::*;
+
+    /// The spot as the rule says it: all directions and lengths, one neighbour after the other.
+    fn spot_by_rule(
+        ego: &Ego,
+        (other, required_m): (&Neighbour, f64),
+        neighbours: &Shown,
+        obstacles: &[ObstacleView],
+        limits: &Limits,
+    ) -> Option<Vec2> {
+        let (path, from_m) = (ahead(other) * PATH_M, other.position_m);
+        let mut best = (f64::NEG_INFINITY, None);
+        for k in 0..DIRECTIONS {
+            let angle = f64::from(k) * core::f64::consts::TAU / f64::from(DIRECTIONS);
+            let direction = unit(angle);
+            let blocked = |(normal, gap): (Vec2, f64)| gap <= CONTACT_M && direction.dot(&normal) <= 0.02;
+            let seen = neighbours.iter().map(|n| (n.bearing().normal, n.bearing().gap_m));
+            if obstacles.iter().map(|o| o.clearance(ego.position_m)).chain(seen).any(blocked) {
+                continue;
+            }
+            for length in LENGTHS_M {
+                let end = ego.position_m + direction * length;
+                let mut room = f64::INFINITY;
+                for part in [0.2, 0.5, 1.0] {
+                    let p = ego.position_m + direction * (length * part);
+                    let beside = obstacles.iter().map(|o| o.clearance(p).1);
+                    let off = |n: Seen| (neighbours.who(n.lane).position_m - p).norm() - n.required_m;
+                    room = beside.chain(neighbours.iter().map(off)).fold(room, f64::min);
+                }
+                let aside = (closest_point_on_segment(end, from_m, from_m + path) - end).norm() - required_m;
+                let turn = wrap(angle - ego.heading_rad).abs() / limits.omega_max_radps;
+                let score = 3.0 * aside.min(0.4) + 0.5 * room.min(0.3) - 0.15 * turn - 0.1 * length;
+                if room >= -0.005 && score > best.0 {
+                    best = (score, Some(end));
+                }
+            }
+        }
+        best.1
+    }
+
+    proptest! {
+        /// What is left out does not win.
+        #[test]
+        fn the_spot_is_the_one_of_the_rule(
+            robots in prop::collection::vec((-1.6..1.6f64, -1.6..1.6f64, -3.1..3.1f64, 0..4u32), 1..=16),
+            circles in prop::collection::vec((-2.0..2.0f64, -2.0..2.0f64), 0..3),
+            heading_rad in -3.1..3.1f64, required_m in 0.2..0.5f64,
+        ) {
+            let mut robots: Vec<Neighbour> = robots.into_iter().map(|(x, y, to_rad, rank)| {
+                let position_m = Vec2::new(x, y);
+                let intent = Intent { heading_rad: to_rad, rank, ..Intent::default() };
+                Neighbour { position_m, target_m: position_m + 3.0 * unit(to_rad), intent, ..Neighbour::default() }
+            }).collect();
+            robots.sort_by(|a, b| a.position_m.norm().total_cmp(&b.position_m.norm()));
+            let obstacles: Vec<ObstacleView> = circles.into_iter().map(|(x, y)| {
+                let obstacle = Obstacle::Circle { centre_m: Vec2::new(x, y), radius_m: 0.2 };
+                ObstacleView { obstacle, keep_m: 0.2 }
+            }).collect();
+            let ego = Ego {
+                id: 7, position_m: Vec2::zeros(), heading_rad, target_m: Vec2::zeros(), beyond_m: 0.0,
+                v_mps: 0.0, omega_radps: 0.0, arrived: false,
+            };
+            let limits = Limits { v_max_mps: 2.0, omega_max_radps: 1.0, period_s: 0.08 };
+            with_all(ego.position_m, required_m, (&robots, true), |shown| {
+                for n in &robots {
+                    let spot = best_spot(&ego, (n, required_m), shown, &obstacles, &limits);
+                    prop_assert_eq!(spot, spot_by_rule(&ego, (n, required_m), shown, &obstacles, &limits));
+                }
+                Ok(())
+            })?;
+        }
+    }
 }
