@@ -258,13 +258,12 @@ fn regions_of_a_large_fleet_are_answered_without_allocating_and_a_crowd_is_stopp
         let cut = (137 * usize::try_from(tick).unwrap()) % (places + 1);
         let (mut answered, mut remembered) = (0, 0);
         for (group, region) in groups.iter_mut().zip([0..cut, cut..places]) {
-            let remember = |_, _| remembered += 1;
             let mut parts = std::iter::once(region);
             group.solve_parts(
                 (tick, || parts.next()),
                 &fleet,
                 Timing::LogicalExecutionTime,
-                remember,
+                |_, _| remembered += 1,
                 |k, decision| {
                     answered += 1;
                     next[k].set_pose(fleet[k].arc().pose(period_s));

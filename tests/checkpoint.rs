@@ -24,7 +24,7 @@ fn bits(command: &RobotCommand) -> (u32, u32, u64, u64) {
 
 fn checkpoints(group: &RobotGroup) -> Vec<RobotCheckpoint> {
     let mut all = Vec::new();
-    group.checkpoint(&mut |_, checkpoint| all.push(checkpoint));
+    group.checkpoint(&mut |_, checkpoint| all.push(checkpoint.checkpoint()));
     all
 }
 
@@ -128,7 +128,7 @@ fn begins_anew(panics: u64, recorded: bool) {
                 (tick, || all.next()),
                 &fleet,
                 Timing::LogicalExecutionTime,
-                |index, memory| _ = memories.insert(index, memory),
+                |index, memory| _ = memories.insert(index, memory.checkpoint()),
                 |index, decision| {
                     if tick == panics && index == place {
                         std::panic::resume_unwind(Box::new("a fault, injected"));

@@ -24,6 +24,7 @@ mod shelf;
 mod told;
 
 pub(crate) use law::UNTRUSTED_PERIODS;
+pub use robot::Remembered;
 pub use robots::Robots;
 pub use shelf::{PreparedRoute, RouteShelf, RouteWork};
 
@@ -38,6 +39,7 @@ use crate::solver::{ClarabelSolver, ExactSolver, Outcome, Solver};
 use crate::wire::{RobotCheckpoint, RobotCommand, RobotIntent, RobotState, RobotTelemetry};
 use law::{Law, Survey};
 use robot::RobotController;
+use robots::TOGETHER;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -241,7 +243,7 @@ impl RobotGroup {
         (tick, mut parts): (u64, impl FnMut() -> Option<Range<usize>>),
         fleet: &[RobotState],
         timing: Timing,
-        mut remember: impl FnMut(usize, RobotCheckpoint),
+        mut remember: impl FnMut(usize, &Remembered),
         mut each: impl FnMut(usize, &Decision),
     ) {
         let Some(robots) = self.robots.clone() else { return };
@@ -250,24 +252,33 @@ impl RobotGroup {
         }
         // One robot's step begins where that of the one before ended.
         let mut clock = robot::now_ns();
-        for at in std::iter::from_fn(&mut parts).flatten() {
-            let order = self.workspace.around.order();
-            let Some(&index) = order.get(at) else { return };
-            if let Some(&later) = order.get(at + AHEAD) {
-                robots.expect(later as usize);
+        let together = |part: Range<usize>| {
+            part.clone().step_by(TOGETHER).map(move |first| first..part.end.min(first + TOGETHER))
+        };
+        for few in std::iter::from_fn(&mut parts).flat_map(together) {
+            let Some(indices) = self.workspace.around.order().get(few.clone()) else { return };
+            for (at, held) in few.zip(robots.hold(indices)) {
+                let later = |ahead: usize| self.workspace.around.order().get(at + ahead);
+                if let Some(&index) = later(TOGETHER) {
+                    robots.expect_seat(index as usize);
+                }
+                if let Some(&index) = later(AHEAD) {
+                    robots.expect(index as usize);
+                }
+                let Some(held) = held else { continue };
+                held.answer(tick, |robot| {
+                    remember(robot.index(), &Remembered(robot));
+                    let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
+                    each(robot.index(), &decision);
+                });
             }
-            robots.with(index as usize, tick, |robot| {
-                remember(robot.index(), robot.checkpoint());
-                let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
-                each(robot.index(), &decision);
-            });
         }
     }
 
     /// Calls `each` with every owned robot's index in the fleet and what it remembers.
-    pub fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+    pub fn checkpoint(&self, each: &mut dyn FnMut(usize, &Remembered)) {
         for robot in &self.owned {
-            each(robot.index(), robot.checkpoint());
+            each(robot.index(), &Remembered(robot));
         }
     }
 

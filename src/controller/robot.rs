@@ -50,6 +50,25 @@ pub(super) struct RobotController {
     look_m: f64,
 }
 
+/// What a robot remembers, to be written where it is kept: what was written elsewhere first would wait there to be
+/// copied.
+pub struct Remembered<'a>(pub(super) &'a RobotController);
+
+impl Remembered<'_> {
+    /// Writes all of it.
+    #[inline]
+    pub fn write(&self, to: &mut RobotCheckpoint) {
+        self.0.write(to);
+    }
+
+    /// All of it.
+    pub fn checkpoint(&self) -> RobotCheckpoint {
+        let mut checkpoint = RobotCheckpoint::default();
+        self.write(&mut checkpoint);
+        checkpoint
+    }
+}
+
 /// What a robot is to do in this period, before the programme.
 struct Aim {
     /// Reference of the position certificate, m.
@@ -112,13 +131,14 @@ impl RobotController {
         self.index
     }
 
-    /// What it remembers, and on the way to which goal. Everything else that a decision depends on is in
+    /// Writes what it remembers, and on the way to which goal. Everything else that a decision depends on is in
     /// the states and in `Law`.
-    pub(super) fn checkpoint(&self) -> RobotCheckpoint {
-        let mut words = guidance::checkpoint::words(&self.memory);
-        words[GOAL_WORDS].copy_from_slice(&[self.goal_m.x.to_bits(), self.goal_m.y.to_bits()]);
+    #[inline]
+    fn write(&self, to: &mut RobotCheckpoint) {
         let settled = if self.settled { checkpoint_flags::SETTLED } else { 0 };
-        RobotCheckpoint { id: self.id.0, flags: checkpoint_flags::ANSWERED | settled, words }
+        (to.id, to.flags) = (self.id.0, checkpoint_flags::ANSWERED | settled);
+        guidance::checkpoint::write(&self.memory, &mut to.words);
+        to.words[GOAL_WORDS].copy_from_slice(&[self.goal_m.x.to_bits(), self.goal_m.y.to_bits()]);
     }
 
     /// Goes back to what it remembered; whether `checkpoint` is one of its own. One of another robot, which

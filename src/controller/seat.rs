@@ -13,8 +13,8 @@ const TAKEN: u32 = 1;
 /// A panic has left it half changed.
 const LOST: u32 = 2;
 
-/// A thing and who has it. Begins a line of the cache.
-#[repr(align(64))]
+/// A thing and who has it. Begins a line of the cache, with what is asked first.
+#[repr(C, align(64))]
 pub(super) struct Seat<T> {
     state: AtomicU32,
     occupant: UnsafeCell<T>,
@@ -24,9 +24,11 @@ pub(super) struct Seat<T> {
 // from thread to thread is the occupant itself, never a shared reference to it.
 unsafe impl<T: Send> Sync for Seat<T> {}
 
-/// The occupant of a seat, until it is dropped; in a panic it is lost.
+/// The occupant of a seat, until it is dropped; in a panic it is lost if it was to be changed.
 pub(super) struct Taken<'a, T> {
     seat: &'a Seat<T>,
+    /// It may be half changed.
+    touched: bool,
     /// Shared and sent as what it stands for.
     occupant: PhantomData<&'a mut T>,
 }
@@ -34,6 +36,11 @@ pub(super) struct Taken<'a, T> {
 impl<T> Seat<T> {
     pub(super) fn new(occupant: T) -> Self {
         Self { state: AtomicU32::new(FREE), occupant: UnsafeCell::new(occupant) }
+    }
+
+    /// Who has it, to be asked for ahead.
+    pub(super) fn state(&self) -> &impl Sized {
+        &self.state
     }
 
     /// The occupant, if nobody has it and it is whole.
@@ -49,7 +56,7 @@ impl<T> Seat<T> {
     fn take_from(&self, state: u32) -> Option<Taken<'_, T>> {
         // Acquires what the one before left with a release.
         let taken = self.state.compare_exchange(state, TAKEN, Ordering::Acquire, Ordering::Relaxed);
-        taken.is_ok().then(|| Taken { seat: self, occupant: PhantomData })
+        taken.is_ok().then(|| Taken { seat: self, touched: false, occupant: PhantomData })
     }
 }
 
@@ -65,6 +72,7 @@ impl<T> Deref for Taken<'_, T> {
 
 impl<T> DerefMut for Taken<'_, T> {
     fn deref_mut(&mut self) -> &mut T {
+        self.touched = true;
         // SAFETY: as above; and this one is borrowed for as long.
         unsafe { &mut *self.seat.occupant.get() }
     }
@@ -72,7 +80,7 @@ impl<T> DerefMut for Taken<'_, T> {
 
 impl<T> Drop for Taken<'_, T> {
     fn drop(&mut self) {
-        let state = if std::thread::panicking() { LOST } else { FREE };
+        let state = if self.touched && std::thread::panicking() { LOST } else { FREE };
         self.seat.state.store(state, Ordering::Release);
     }
 }
@@ -90,11 +98,21 @@ mod tests {
         *held += 1;
         drop(held);
         assert_eq!(seat.take().as_deref(), Some(&2));
-        let failed = catch_unwind(AssertUnwindSafe(|| {
-            let _held = seat.take();
-            std::panic::resume_unwind(Box::new("a fault, injected"));
-        }));
-        assert!(failed.is_err() && seat.take().is_none());
+        let fails = |change: bool| {
+            let failed = catch_unwind(AssertUnwindSafe(|| {
+                let mut held = seat.take().unwrap();
+                if change {
+                    *held += 1;
+                }
+                std::panic::resume_unwind(Box::new("a fault, injected"));
+            }));
+            assert!(failed.is_err());
+        };
+        // One that was not touched is whole.
+        fails(false);
+        assert_eq!(seat.take().as_deref(), Some(&2));
+        fails(true);
+        assert!(seat.take().is_none());
         *seat.take_lost().unwrap() = 7;
         assert_eq!(seat.take().as_deref(), Some(&7));
     }

@@ -4,8 +4,9 @@ use super::types::{Around, Intent, Memory, Plan, Progress, Way};
 use crate::geometry::Vec2;
 use crate::wire::RobotCheckpoint;
 
-/// The memory as words; unused ones are 0.
-pub(crate) fn words(memory: &Memory) -> [u64; RobotCheckpoint::WORDS] {
+/// Writes the memory as words, where they are kept; unused ones become 0.
+#[inline]
+pub(crate) fn write(memory: &Memory, words: &mut [u64; RobotCheckpoint::WORDS]) {
     // Taken apart completely: a field that is forgotten here does not compile.
     let Memory { started, intent, progress, fallback_s, beta_rad, around, way, ask_s, plan, crowded_s } =
         *memory;
@@ -41,17 +42,17 @@ pub(crate) fn words(memory: &Memory) -> [u64; RobotCheckpoint::WORDS] {
         turn_rad,
         crowded_s,
     ];
-    let mut words = [0; RobotCheckpoint::WORDS];
     words[0] = u64::from(started);
     words[1] = u64::from(told_rank) << 32 | u64::from(rank);
-    for (word, number) in words[2..].iter_mut().zip(numbers) {
+    let (used, unused) = words[2..].split_at_mut(numbers.len());
+    for (word, number) in used.iter_mut().zip(numbers) {
         *word = number.to_bits();
     }
-    words
+    unused.fill(0);
 }
 
 /// The memory that `words` came from.
-#[expect(clippy::cast_possible_truncation, reason = "takes apart what `words` put together")]
+#[expect(clippy::cast_possible_truncation, reason = "takes apart what `write` put together")]
 pub(crate) fn memory(words: &[u64; RobotCheckpoint::WORDS]) -> Memory {
     let number = |index: usize| f64::from_bits(words[index + 2]);
     Memory {
@@ -104,7 +105,9 @@ mod tests {
             let mut before = [0; RobotCheckpoint::WORDS];
             (before[0], before[1]) = (u64::from(started), ranks);
             before[2..27].copy_from_slice(&numbers);
-            prop_assert_eq!(words(&memory(&before)), before);
+            let mut after = [7; RobotCheckpoint::WORDS];
+            write(&memory(&before), &mut after);
+            prop_assert_eq!(after, before);
         }
     }
 }

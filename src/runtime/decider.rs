@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use crate::controller::{Decision, RobotGroup, Timing};
+use crate::controller::{Decision, Remembered, RobotGroup, Timing};
 use crate::wire::{RobotCheckpoint, RobotState};
 
 /// Hands out parts of the fleet, one after the other, while there are any.
@@ -27,7 +27,7 @@ pub trait Decider {
         &mut self,
         (tick, parts): (u64, Claims),
         fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        remember: &mut dyn FnMut(usize, &Remembered),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         let _ = (tick, parts, fleet, remember, each);
@@ -35,7 +35,7 @@ pub trait Decider {
 
     /// Calls `each` with every robot's index in the fleet and what it remembers, so that a recording
     /// can be computed again. One that remembers nothing need not. Must not allocate.
-    fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+    fn checkpoint(&self, each: &mut dyn FnMut(usize, &Remembered)) {
         let _ = each;
     }
 
@@ -59,13 +59,13 @@ impl Decider for RobotGroup {
         &mut self,
         (tick, parts): (u64, Claims),
         fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        remember: &mut dyn FnMut(usize, &Remembered),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         self.solve_parts((tick, parts), fleet, Timing::LogicalExecutionTime, remember, each);
     }
 
-    fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+    fn checkpoint(&self, each: &mut dyn FnMut(usize, &Remembered)) {
         RobotGroup::checkpoint(self, each);
     }
 

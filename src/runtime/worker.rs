@@ -10,7 +10,7 @@ use crate::cache;
 use crate::channel::{Received, StateReader};
 use crate::clock::Clock;
 use crate::config::Wakeup;
-use crate::controller::Decision;
+use crate::controller::{Decision, Remembered};
 use crate::telemetry::{Pool, SolveRecord};
 use crate::wire::{RobotCheckpoint, RobotState, RobotTelemetry};
 
@@ -185,10 +185,13 @@ impl<C: Clock> Worker<C> {
             robots.clear();
             checkpoints.clear();
             // Lists have room for any region, and never grow here.
-            let mut remember = |index, checkpoint| {
+            let mut remember = |index, remembered: &Remembered| {
                 if checkpoints.len() < checkpoints.capacity() {
                     expect_next(checkpoints);
-                    checkpoints.push((index, checkpoint));
+                    checkpoints.push((index, RobotCheckpoint::default()));
+                    if let Some((_, checkpoint)) = checkpoints.last_mut() {
+                        remembered.write(checkpoint);
+                    }
                 }
             };
             self.decide(tick, decider, sample.robots(), &mut remember, |index, telemetry| {
@@ -225,7 +228,7 @@ impl<C: Clock> Worker<C> {
         tick: u64,
         decider: &mut D,
         fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        remember: &mut dyn FnMut(usize, &Remembered),
         mut tell: impl FnMut(usize, &RobotTelemetry),
     ) {
         let regional = decider.is_regional();
@@ -245,9 +248,9 @@ impl<C: Clock> Worker<C> {
                 room = room.saturating_sub(part.len());
                 Some(part)
             };
-            let mut remember = |index: usize, checkpoint| {
+            let mut remember = |index: usize, remembered: &Remembered| {
                 self.board.staging.expect(index);
-                remember(index, checkpoint);
+                remember(index, remembered);
             };
             decider.decide_parts((tick, &mut parts), fleet, &mut remember, &mut each);
         } else {

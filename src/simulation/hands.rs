@@ -3,12 +3,12 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
-use crate::controller::{Decision, RobotGroup};
+use crate::controller::{Decision, Remembered, RobotGroup};
 use crate::model::{Command, RobotId};
 use crate::programme::{Programme, Solution};
 use crate::runtime::{Claims, Decider};
 use crate::solver::{ExactSolver, Outcome, Solver};
-use crate::wire::{RobotCheckpoint, RobotCommand, RobotState};
+use crate::wire::{RobotCommand, RobotState};
 
 /// What a worker does wrong now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -92,7 +92,7 @@ impl Decider for Hand {
         &mut self,
         (tick, parts): (u64, Claims),
         fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        remember: &mut dyn FnMut(usize, &Remembered),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         let (switch, mut answered) = (&self.switch, 0);

@@ -14,7 +14,7 @@ use crate::channel::memory::{Memory, Message, Queue};
 use crate::channel::{Attachment, Reader, Record, StateReader, Transport, Writer};
 use crate::clock::VirtualClock;
 use crate::config::{ChannelConfig, Config, Wakeup};
-use crate::controller::{Decision, RobotGroup, Robots};
+use crate::controller::{Decision, Remembered, RobotGroup, Robots};
 use crate::model::Command;
 use crate::robots::{Link, RemoteRobots};
 use crate::scenario::Scenario;
@@ -162,7 +162,7 @@ fn no_bit_of_a_state() {
     let mut group = RobotGroup::new(&config, 0..ROBOTS).unwrap();
     let untouched = |group: &RobotGroup| {
         let mut words = Vec::new();
-        group.checkpoint(&mut |_, memory| words.push(memory));
+        group.checkpoint(&mut |_, memory| words.push(memory.checkpoint()));
         words
     };
     let before = untouched(&group);
@@ -220,13 +220,13 @@ impl Decider for Struck<'_> {
         &mut self,
         (tick, parts): (u64, Claims),
         fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        remember: &mut dyn FnMut(usize, &Remembered),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         self.strike(fleet);
         Decider::decide_parts(&mut self.inner, (tick, parts), fleet, remember, each);
     }
-    fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+    fn checkpoint(&self, each: &mut dyn FnMut(usize, &Remembered)) {
         Decider::checkpoint(&self.inner, each);
     }
     fn undo(&mut self, index: usize, tick: u64, before: &RobotCheckpoint) {

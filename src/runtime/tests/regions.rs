@@ -7,11 +7,11 @@ use super::rig::{Ready, Rig, Seen};
 use super::support::World;
 use super::{group, regional, swap8};
 use crate::config::PublishAt;
-use crate::controller::{Decision, RobotGroup};
+use crate::controller::{Decision, Remembered, RobotGroup};
 use crate::runtime::board::Board;
 use crate::runtime::decider::{Claims, Decider};
 use crate::scenario::Scenario;
-use crate::wire::{RobotCheckpoint, RobotState};
+use crate::wire::RobotState;
 
 /// Asks for other regions in every `every`-th period, empty ones among them, before its deadline comes.
 fn restless(workers: usize, every: u64, places: usize) -> Ready {
@@ -69,7 +69,7 @@ impl<B: FnMut(), A: FnMut(u64, usize)> Decider for Troubled<B, A> {
         &mut self,
         (tick, parts): (u64, Claims),
         fleet: &[RobotState],
-        remember: &mut dyn FnMut(usize, RobotCheckpoint),
+        remember: &mut dyn FnMut(usize, &Remembered),
         each: &mut dyn FnMut(usize, &Decision),
     ) {
         (self.before)();

@@ -7,12 +7,12 @@ use std::time::Duration;
 use clearway::channel::CommandReader;
 use clearway::clock::{Clock, MonotonicClock};
 use clearway::config::{Config, PublishAt, RealTimeConfig, Wakeup};
-use clearway::controller::{ControllerError, Decision, RobotGroup};
+use clearway::controller::{ControllerError, Decision, Remembered, RobotGroup};
 use clearway::figures::LatencyHistogram;
 use clearway::report::Report;
 use clearway::runtime::{Daemon, Decider, Until};
 use clearway::scenario::Scenario;
-use clearway::wire::{CommandHeader, RobotCheckpoint, RobotState, StopReason};
+use clearway::wire::{CommandHeader, RobotState, StopReason};
 use miette::{IntoDiagnostic, Result};
 use serde::{Deserialize, Serialize};
 
@@ -156,7 +156,7 @@ impl Decider for Timed {
         self.times.record(MonotonicClock.now_ns() - begun_ns);
     }
 
-    fn checkpoint(&self, each: &mut dyn FnMut(usize, RobotCheckpoint)) {
+    fn checkpoint(&self, each: &mut dyn FnMut(usize, &Remembered)) {
         Decider::checkpoint(&self.group, each);
     }
 }
