@@ -19,15 +19,21 @@ impl FiniteTime {
 
     /// min{Q(V), `most`}, without the power where that is not needed to know.
     fn decrease_to(&self, v: f64, most: f64) -> f64 {
-        let bound = if v >= 1.0 {
-            if self.alpha >= 0.5 { v.sqrt() } else { 1.0 }
-        } else if self.alpha <= 0.75 {
-            v.sqrt() * v.sqrt().sqrt()
-        } else {
-            v
+        if self.is_above(v, most) { v.min(most) } else { self.decrease(v).min(most) }
+    }
+
+    /// Whether c₃ V^α is above `most` for certain, by a bound of the power: √V, V^¾ or V, without the roots. The slack
+    /// is more than what rounding makes, and where squares would be too large or too small to tell nothing is certain.
+    fn is_above(&self, v: f64, most: f64) -> bool {
+        let c3 = self.c3 * (1.0 - 1e-12);
+        let (gain, square) = (c3 * c3, most * most);
+        let (power, most_of_it) = match v >= 1.0 {
+            true if self.alpha >= 0.5 => (gain * v, square),
+            true => (c3, most),
+            false if self.alpha <= 0.75 => (gain * gain * (v * v * v), square * square),
+            false => (c3 * v, most),
         };
-        // The power is no less, up to rounding.
-        if self.c3 * bound * (1.0 - 1e-12) >= most { v.min(most) } else { self.decrease(v).min(most) }
+        most <= 0.0 || power >= most_of_it && (1e-290..=1e290).contains(&power)
     }
 
     /// r⋆ = c₃^{1/(1−α)}: from here one step is to reach zero (Theorem 2).

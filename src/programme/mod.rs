@@ -141,18 +141,25 @@ impl Programme {
 
     /// True when every number is finite and the signs are those that the module states.
     pub fn is_well_posed(&self) -> bool {
-        let certificate = |c: &Certificate| {
-            c.linear.is_finite() && c.decrease.is_finite() && c.curvature.is_finite() && c.curvature >= 0.0
-        };
-        let interval = |i: &Interval| i.min.is_finite() && i.max.is_finite() && i.min <= 0.0 && i.max >= 0.0;
-        let row = |r: &Row| r.coefficient.is_finite() && r.bound.is_finite() && r.bound >= 0.0;
+        let finite = |x: f64| x.abs() <= f64::MAX;
+        let not_negative = |x: f64| (0.0..=f64::MAX).contains(&x);
+        let certificate =
+            |c: &Certificate| finite(c.linear) && finite(c.decrease) && not_negative(c.curvature);
+        let interval = |i: &Interval| not_negative(-i.min) && not_negative(i.max);
+        let row = |r: &Row| finite(r.coefficient) && not_negative(r.bound);
+        let weight = |w: f64| w > 0.0 && w <= f64::MAX;
         let w = &self.weights;
         certificate(&self.position)
             && certificate(&self.heading)
             && interval(&self.v_mps)
             && interval(&self.omega_radps)
-            && self.comfort.iter().chain(&self.safety).all(row)
-            && [w.v, w.omega, w.position, w.heading, w.comfort].iter().all(|w| w.is_finite() && *w > 0.0)
+            && weight(w.v)
+            && weight(w.omega)
+            && weight(w.position)
+            && weight(w.heading)
+            && weight(w.comfort)
+            && self.comfort.iter().all(row)
+            && self.safety.iter().all(row)
     }
 
     /// The objective at (v, ω) with the smallest slacks.

@@ -1,4 +1,4 @@
-use super::piecewise::Piecewise;
+use super::piecewise::{Piecewise, kink};
 use super::{Outcome, Solver};
 use crate::programme::{Interval, Programme, Row, Solution};
 
@@ -33,13 +33,16 @@ pub(super) fn solve_within(
     v_trust: Interval,
     omega_trust: Interval,
 ) -> bool {
-    solution.reset(programme.comfort.len(), programme.safety.len());
+    // All that is not assigned below: inside its bounds an input has no multiplier of them.
+    (solution.dual_v, solution.dual_omega) = ([0.0; 2], [0.0; 2]);
+    solution.dual_safety.clear();
+    solution.dual_safety.resize(programme.safety.len(), 0.0);
     solve_v(programme, solution, v_trust) && solve_omega(programme, solution, omega_trust)
 }
 
 /// The minimiser in ω alone, rad/s. The programme separates, so it is that of every solution of it.
 pub fn optimal_turn_rate(programme: &Programme) -> f64 {
-    heading_part(programme, programme.omega_radps).minimise().x
+    heading_part(programme, programme.omega_radps).minimise_with(&[]).x
 }
 
 /// The minimiser in v alone, m/s.
@@ -75,16 +78,20 @@ fn solve_v(programme: &Programme, solution: &mut Solution, trust: Interval) -> b
     let w = &programme.weights;
     let ends = Ends::of(programme.v_mps, &programme.safety, trust);
     let problem = speed_part(programme, ends.interval);
-    let minimum = problem.minimise();
+    // The kinks stand where the multipliers will.
+    solution.dual_comfort.clear();
+    solution.dual_comfort.extend(programme.comfort.iter().map(kink));
+    let minimum = problem.minimise_with(&solution.dual_comfort);
     let v = minimum.x;
     solution.v_mps = v;
     solution.dual_position = problem.multipliers(&minimum, &mut solution.dual_comfort);
-    solution.slack_position = programme.position.excess(v).max(0.0);
-    for (slack, row) in solution.slack_comfort.iter_mut().zip(&programme.comfort) {
-        *slack = row.excess(v).max(0.0);
+    solution.slack_position = positive(programme.position.excess(v));
+    solution.slack_comfort.clear();
+    solution.slack_comfort.extend(programme.comfort.iter().map(|row| positive(row.excess(v))));
+    let mut comfort = 0.0;
+    for (dual, row) in solution.dual_comfort.iter().zip(&programme.comfort) {
+        comfort += dual * row.coefficient;
     }
-    let comfort: f64 =
-        solution.dual_comfort.iter().zip(&programme.comfort).map(|(d, r)| d * r.coefficient).sum();
     let certificate = solution.dual_position * programme.position.slope(v);
     let force = w.v * v + certificate + comfort;
     match ends.holding(v, force) {
@@ -94,7 +101,7 @@ fn solve_v(programme: &Programme, solution: &mut Solution, trust: Interval) -> b
             true
         }
         Some(Binding::Limit) => {
-            solution.dual_v = [force.max(0.0), (-force).max(0.0)];
+            solution.dual_v = [positive(force), positive(-force)];
             true
         }
         Some(Binding::Trust) => force.abs() <= ROUNDING * (1.0 + certificate.abs() + comfort.abs()),
@@ -105,21 +112,26 @@ fn solve_omega(programme: &Programme, solution: &mut Solution, trust: Interval) 
     let w = &programme.weights;
     let ends = Ends::of(programme.omega_radps, &[], trust);
     let problem = heading_part(programme, ends.interval);
-    let minimum = problem.minimise();
+    let minimum = problem.minimise_with(&[]);
     let omega = minimum.x;
     solution.omega_radps = omega;
     solution.dual_heading = problem.multipliers(&minimum, &mut []);
-    solution.slack_heading = programme.heading.excess(omega).max(0.0);
+    solution.slack_heading = positive(programme.heading.excess(omega));
     let certificate = solution.dual_heading * programme.heading.slope(omega);
     let force = w.omega * omega + certificate;
     match ends.holding(omega, force) {
         None => true,
         Some(Binding::Trust) => force.abs() <= ROUNDING * (1.0 + certificate.abs()),
         Some(_) => {
-            solution.dual_omega = [force.max(0.0), (-force).max(0.0)];
+            solution.dual_omega = [positive(force), positive(-force)];
             true
         }
     }
+}
+
+/// What is positive of a number.
+fn positive(x: f64) -> f64 {
+    if x > 0.0 { x } else { 0.0 }
 }
 
 /// What bounds an input from one side.

@@ -61,130 +61,200 @@ pub(super) struct Minimum {
     certificate: Positive,
 }
 
-/// Which side of a point a one-sided derivative looks at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Side {
-    Left,
-    Right,
+/// The one-sided derivatives at a point, and the largest kink between `lo` and it, `lo` for none.
+struct Look {
+    left: f64,
+    right: f64,
+    kink: f64,
 }
 
-/// Whether a row with these kinks is positive just beside `x`.
-fn positive_beside(positive: Positive, x: f64, side: Side) -> bool {
-    match side {
-        Side::Left => x <= positive.low || x > positive.high,
-        Side::Right => x < positive.low || x >= positive.high,
+/// A row as the walk meets it: its kink and its coefficient.
+type Kinked = (f64, f64);
+
+/// Where a row changes its sign; nowhere for one without a coefficient, whose bound is never negative.
+pub(super) fn kink(row: &Row) -> f64 {
+    if row.coefficient == 0.0 { f64::INFINITY } else { row.bound / row.coefficient }
+}
+
+/// Whether a row is positive just left and just right of `x`.
+#[inline]
+fn row_beside((kink, coefficient): Kinked, x: f64) -> (bool, bool) {
+    if coefficient < 0.0 { (x <= kink, x < kink) } else { (x > kink, x >= kink) }
+}
+
+impl Positive {
+    /// Whether it is just left and just right of `x`.
+    #[inline]
+    fn beside(self, x: f64) -> (bool, bool) {
+        (x <= self.low || x > self.high, x < self.low || x >= self.high)
     }
 }
 
-fn sign_of_row(row: Row) -> Positive {
-    if row.coefficient > 0.0 {
-        Positive::above(row.bound / row.coefficient)
-    } else if row.coefficient < 0.0 {
-        Positive::below(row.bound / row.coefficient)
-    } else if row.bound < 0.0 {
+fn sign_of_line(c: Certificate) -> Positive {
+    if c.linear > 0.0 {
+        Positive::above(-c.decrease / c.linear)
+    } else if c.linear < 0.0 {
+        Positive::below(-c.decrease / c.linear)
+    } else if c.decrease > 0.0 {
         Positive::ALWAYS
     } else {
         Positive::NEVER
     }
 }
 
-fn sign_of_certificate(c: Certificate) -> Positive {
-    if c.curvature == 0.0 {
-        return sign_of_row(Row { coefficient: c.linear, bound: -c.decrease });
-    }
-    let discriminant = c.linear * c.linear - 2.0 * c.curvature * c.decrease;
-    if discriminant.is_nan() || discriminant <= 0.0 {
-        return Positive::ALWAYS;
-    }
-    // The root that does not cancel first, the other through their product 2Q/q.
-    let u = -c.linear - discriminant.sqrt().copysign(c.linear);
-    let (one, other) = (u / c.curvature, if u == 0.0 { 0.0 } else { 2.0 * c.decrease / u });
-    if one < other { Positive { low: one, high: other } } else { Positive { low: other, high: one } }
-}
+/// An excess above this part of its terms is none of rounding, nor is that of the roots that it is taken for.
+const CLEAR: f64 = 1e-12;
 
 impl Piecewise<'_> {
-    /// The derivative at `x` from one side, with these rows.
-    #[inline]
-    fn derivative(&self, certificate: Positive, rows: &[Row], x: f64, side: Side) -> f64 {
-        let mut sum = self.effort * x;
-        if positive_beside(certificate, x, side) {
-            sum += self.weight * self.certificate.slope(x);
+    /// Where the certificate is positive; where that is everywhere from `lo` to `hi` for certain, without its roots.
+    fn sign_of_certificate(&self) -> Positive {
+        let c = self.certificate;
+        if c.curvature == 0.0 {
+            return sign_of_line(c);
         }
-        let mut slope = 0.0;
-        for &row in rows {
-            if positive_beside(sign_of_row(row), x, side) {
-                slope += row.coefficient;
-            }
-        }
-        sum + self.row_weight * slope
+        if self.is_clear_of_roots() { Positive::ALWAYS } else { self.between_roots() }
     }
 
-    /// The largest kink strictly between `self.lo` and `below`.
+    fn between_roots(&self) -> Positive {
+        let c = self.certificate;
+        // The root that does not cancel first, the other through their product 2Q/q.
+        let u = -c.linear - self.discriminant().sqrt().copysign(c.linear);
+        let (one, other) = (u / c.curvature, if u == 0.0 { 0.0 } else { 2.0 * c.decrease / u });
+        if one < other { Positive { low: one, high: other } } else { Positive { low: other, high: one } }
+    }
+
+    fn discriminant(&self) -> f64 {
+        let c = self.certificate;
+        c.linear * c.linear - 2.0 * c.curvature * c.decrease
+    }
+
+    /// Whether the certificate has no roots, or `lo` and `hi` are on the same side of both, their vertex being beyond
+    /// the end that is nearer.
     #[inline]
-    fn next_kink(&self, certificate: Positive, rows: &[Row], below: f64) -> Option<f64> {
-        let mut best = f64::NEG_INFINITY;
+    fn is_clear_of_roots(&self) -> bool {
+        let (c, discriminant) = (self.certificate, self.discriminant());
+        if discriminant.is_nan() || discriminant <= 0.0 {
+            return c.curvature != 0.0;
+        }
+        let end = if c.linear < 0.0 { self.hi } else { self.lo };
+        let turned = c.curvature * end;
+        let scale = c.linear * c.linear + turned * turned;
+        c.linear * (c.linear + turned) > 0.0 && c.excess(end) * c.curvature > CLEAR * scale
+    }
+
+    /// The unique minimiser.
+    pub(super) fn minimise(&self) -> Minimum {
+        self.walk(self.sign_of_certificate(), &self.rows.iter().map(|row| (kink(row), row.coefficient)))
+    }
+
+    /// The same with the kinks of all rows.
+    #[expect(clippy::inline_always, reason = "most often it is but a line, of which nothing need be stored")]
+    #[inline(always)]
+    pub(super) fn minimise_with(self, kinks: &[f64]) -> Minimum {
+        // Most have no rows, and without them there are but two kinks, mostly none.
+        if self.rows.is_empty() && self.is_clear_of_roots() {
+            self.only_line()
+        } else {
+            self.walk_along(kinks)
+        }
+    }
+
+    #[inline(never)]
+    fn walk_along(self, kinks: &[f64]) -> Minimum {
+        let certificate = self.sign_of_certificate();
+        if self.rows.is_empty() {
+            self.walk(certificate, &std::iter::empty())
+        } else {
+            self.walk(certificate, &self.kinked(kinks))
+        }
+    }
+
+    fn kinked(&self, kinks: &[f64]) -> impl Iterator<Item = Kinked> + Clone {
+        kinks.iter().zip(self.rows).map(|(kink, row)| (*kink, row.coefficient))
+    }
+
+    /// Without rows, where the certificate is positive throughout: the derivative is one line.
+    #[inline]
+    fn only_line(&self) -> Minimum {
+        let (certificate, derivative) =
+            (Positive::ALWAYS, |x: f64| self.effort * x + self.weight * self.certificate.slope(x));
+        let at_hi = derivative(self.hi);
+        if at_hi <= 0.0 || self.hi <= self.lo {
+            return Minimum { x: self.hi, right: at_hi, left: at_hi, certificate };
+        }
+        let at_lo = derivative(self.lo);
+        if at_lo < 0.0 {
+            let x = self.crossing(certificate, self.lo, self.hi, at_hi).clamp(self.lo, self.hi);
+            return Minimum { x, right: 0.0, left: 0.0, certificate };
+        }
+        Minimum { x: self.lo, right: at_lo, left: at_lo, certificate }
+    }
+
+    /// From the upper end down, at most one step for each kink.
+    #[inline]
+    fn walk(&self, certificate: Positive, rows: &(impl Iterator<Item = Kinked> + Clone)) -> Minimum {
+        let mut upper = self.hi;
+        let mut at_upper = self.look(certificate, rows.clone(), upper);
+        if at_upper.left <= 0.0 || self.hi <= self.lo {
+            return Minimum { x: upper, right: at_upper.right, left: at_upper.left, certificate };
+        }
+        loop {
+            let lower = at_upper.kink;
+            let last = lower == self.lo;
+            let at_lower = self.look(certificate, rows.clone(), lower);
+            if at_lower.right < 0.0 {
+                // The derivative crosses zero inside (lower, upper), where it is a line.
+                let x = self.crossing(certificate, lower, upper, at_upper.left).clamp(lower, upper);
+                return Minimum { x, right: 0.0, left: 0.0, certificate };
+            }
+            if last || at_lower.left <= 0.0 {
+                return Minimum { x: lower, right: at_lower.right, left: at_lower.left, certificate };
+            }
+            (upper, at_upper) = (lower, at_lower);
+        }
+    }
+
+    #[inline]
+    fn look(&self, certificate: Positive, rows: impl Iterator<Item = Kinked>, x: f64) -> Look {
+        let mut kink = self.lo;
         let mut offer = |k: f64| {
-            if k < below && k > self.lo && k > best {
-                best = k;
+            if k < x && k > kink {
+                kink = k;
             }
         };
         offer(certificate.low);
         offer(certificate.high);
-        for &row in rows {
-            let positive = sign_of_row(row);
-            offer(positive.low);
-            offer(positive.high);
+        let only = |is: bool, term: f64| if is { term } else { 0.0 };
+        let mut slopes = [0.0; 2];
+        for row in rows {
+            let (left, right) = row_beside(row, x);
+            slopes[0] += only(left, row.1);
+            slopes[1] += only(right, row.1);
+            offer(row.0);
         }
-        (best > f64::NEG_INFINITY).then_some(best)
-    }
-
-    /// The unique minimiser. At most one step for each kink.
-    pub(super) fn minimise(&self) -> Minimum {
-        let certificate = sign_of_certificate(self.certificate);
-        // Most have no rows, and without them there are but two kinks.
-        if self.rows.is_empty() { self.walk(certificate, &[]) } else { self.walk(certificate, self.rows) }
-    }
-
-    #[inline]
-    fn walk(&self, certificate: Positive, rows: &[Row]) -> Minimum {
-        let mut upper = self.hi;
-        let mut at_upper = self.derivative(certificate, rows, upper, Side::Left);
-        if at_upper <= 0.0 || self.hi <= self.lo {
-            let right = self.derivative(certificate, rows, upper, Side::Right);
-            return Minimum { x: upper, right, left: at_upper, certificate };
-        }
-        loop {
-            let kink = self.next_kink(certificate, rows, upper);
-            let lower = kink.unwrap_or(self.lo);
-            let at_lower = self.derivative(certificate, rows, lower, Side::Right);
-            if at_lower < 0.0 {
-                // The derivative crosses zero inside (lower, upper), where it is a line.
-                let x = self.crossing(certificate, lower, upper, at_upper).clamp(lower, upper);
-                return Minimum { x, right: 0.0, left: 0.0, certificate };
-            }
-            let left = self.derivative(certificate, rows, lower, Side::Left);
-            if kink.is_none() || left <= 0.0 {
-                return Minimum { x: lower, right: at_lower, left, certificate };
-            }
-            (upper, at_upper) = (lower, left);
+        let (effort, slope) = (self.effort * x, self.weight * self.certificate.slope(x));
+        let (left, right) = certificate.beside(x);
+        Look {
+            left: effort + only(left, slope) + self.row_weight * slopes[0],
+            right: effort + only(right, slope) + self.row_weight * slopes[1],
+            kink,
         }
     }
 
     /// Zero of the derivative's line on (lower, upper), given its value at `upper`'s left.
     fn crossing(&self, certificate: Positive, lower: f64, upper: f64, at_upper: f64) -> f64 {
-        let slope = if positive_beside(certificate, lower, Side::Right) {
-            self.effort + self.weight * self.certificate.curvature
-        } else {
-            self.effort
-        };
+        let (_, positive) = certificate.beside(lower);
+        let slope =
+            if positive { self.effort + self.weight * self.certificate.curvature } else { self.effort };
         upper - at_upper / slope
     }
 
-    /// Multipliers of the certificate and of the rows at the minimiser.
+    /// The multiplier of the certificate at the minimiser; those of the rows come in the place of their kinks.
     ///
     /// Rows that are positive carry their whole weight, rows that are not carry none, and rows with
     /// their kink at `x` share what is left of the derivative, in order.
-    pub(super) fn multipliers(&self, minimum: &Minimum, rows: &mut [f64]) -> f64 {
+    #[inline]
+    pub(super) fn multipliers(&self, minimum: &Minimum, kinks: &mut [f64]) -> f64 {
         let Minimum { x, certificate, .. } = *minimum;
         // Start from the left derivative; every share given to a row at its kink raises it.
         let mut missing = if minimum.left > 0.0 {
@@ -194,25 +264,25 @@ impl Piecewise<'_> {
         } else {
             -minimum.left
         };
-        let mut share = |positive: Positive, weight: f64, slope: f64| {
-            let (left, right) =
-                (positive_beside(positive, x, Side::Left), positive_beside(positive, x, Side::Right));
-            match (left, right) {
-                (true, true) => weight,
-                (false, false) => 0.0,
-                (false, true) => {
-                    let part = take(&mut missing, weight * slope.abs());
-                    if slope == 0.0 { 0.0 } else { (part / slope.abs()).min(weight) }
-                }
-                (true, false) => {
-                    let part = take(&mut missing, weight * slope.abs());
-                    if slope == 0.0 { weight } else { (weight - part / slope.abs()).max(0.0) }
-                }
+        let mut share = |beside: (bool, bool), weight: f64, slope: f64| match beside {
+            (true, true) => weight,
+            (false, false) => 0.0,
+            (false, true) => {
+                let part = take(&mut missing, weight * slope.abs());
+                if slope == 0.0 { 0.0 } else { (part / slope.abs()).min(weight) }
+            }
+            (true, false) => {
+                let part = take(&mut missing, weight * slope.abs());
+                if slope == 0.0 { weight } else { (weight - part / slope.abs()).max(0.0) }
             }
         };
-        let dual = share(certificate, self.weight, self.certificate.slope(x));
-        for (dual, row) in rows.iter_mut().zip(self.rows) {
-            *dual = share(sign_of_row(*row), self.row_weight, row.coefficient);
+        let dual = if certificate == Positive::ALWAYS {
+            self.weight
+        } else {
+            share(certificate.beside(x), self.weight, self.certificate.slope(x))
+        };
+        for (kink, row) in kinks.iter_mut().zip(self.rows) {
+            *kink = share(row_beside((*kink, row.coefficient), x), self.row_weight, row.coefficient);
         }
         dual
     }
@@ -223,4 +293,45 @@ fn take(missing: &mut f64, most: f64) -> f64 {
     let part = missing.min(most);
     *missing -= part;
     part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Leaving out the roots changes no bit, however near to one of them an end of the interval is.
+        #[test]
+        fn an_interval_clear_of_the_roots_needs_none_of_them(
+            linear in prop_oneof![-2.0..2.0f64, -1e-3..1e-3f64], curvature in prop_oneof![1e-6..2.0f64, 1e-3..1e-2f64],
+            part in prop_oneof![-2.0..1.0f64, (1e-16..1e-3f64).prop_map(|by| 1.0 - by), Just(0.0)],
+            lo in -4.0..=0.0f64, hi in prop_oneof![0.0..=4.0f64, 0.0..0.1f64],
+            near in prop::option::of((any::<bool>(), any::<bool>(), -1e-3..1e-3f64, 0..5)),
+            (effort, weight) in (0.01..2.0f64, 0.1..1e4f64),
+        ) {
+            // A part of the decrease from which on there are no roots.
+            let decrease = part * linear * linear / (2.0 * curvature);
+            let mut problem = Piecewise {
+                effort,
+                weight,
+                certificate: Certificate { linear, curvature, decrease },
+                row_weight: 1.0,
+                rows: &[],
+                lo,
+                hi,
+            };
+            if problem.discriminant() <= 0.0 {
+                return Ok(()); // rounded to where there are none
+            }
+            let roots = problem.between_roots();
+            if let Some((low, lower_end, by, scale)) = near {
+                let at = (if low { roots.low } else { roots.high }) * (1.0 + by * 1e-3f64.powi(scale));
+                if lower_end { problem.lo = at.min(0.0) } else { problem.hi = at.max(0.0) }
+            }
+            let (short, long) = (problem.minimise_with(&[]), problem.walk(roots, &std::iter::empty()));
+            let bits = |m: &Minimum| [m.x, m.left, m.right, problem.multipliers(m, &mut [])].map(f64::to_bits);
+            prop_assert_eq!(bits(&short), bits(&long), "{:?} {:?} {:?}", problem, short, long);
+        }
+    }
 }

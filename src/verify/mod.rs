@@ -68,6 +68,13 @@ fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
+/// Whether a row holds, its multiplier has its sign and their product is 0, as it mostly is to the last bit. Of what is
+/// not finite the product is not 0.
+#[inline]
+fn is_met(excess: f64, dual: f64, product: f64) -> bool {
+    excess <= 0.0 && dual >= 0.0 && product == 0.0
+}
+
 /// What is positive of a number.
 fn positive(x: f64) -> f64 {
     larger(0.0, x)
@@ -89,46 +96,51 @@ impl Gradient {
 
 impl Check {
     /// A row `excess ≤ slack` with multiplier `dual` in [0, weight]; `scale` is the row's size.
-    fn soft_row(&mut self, excess: f64, slack: f64, dual: f64, weight: f64, scale: f64) {
-        let primal = larger(positive(excess - slack), positive(-slack));
-        let sign = larger(positive(-dual), positive(dual - weight));
+    #[inline]
+    fn soft_row(&mut self, excess: f64, slack: f64, dual: f64, weight: f64, scale: impl Fn() -> f64) {
         // Both multipliers, λ of the row and w − λ of δ ≥ 0, against their distances.
-        let products = larger((dual * (excess - slack)).abs(), ((weight - dual) * slack).abs());
-        if self.is_in_question(primal, sign, products, excess + slack + dual + weight) {
-            let r = &mut self.residuals;
-            r.primal = larger(r.primal, relative(primal, scale));
-            r.dual = larger(r.dual, relative(sign, weight));
-            r.complementarity = larger(r.complementarity, relative(products, weight * (1.0 + scale)));
+        let (gap, rest) = (excess - slack, weight - dual);
+        let products = [dual * gap, rest * slack];
+        if !(is_met(gap, dual, products[0]) && is_met(-slack, rest, products[1])) {
+            let primal = larger(positive(gap), positive(-slack));
+            let sign = larger(positive(-dual), positive(-rest));
+            let product = larger(products[0].abs(), products[1].abs());
+            self.measure([primal, sign, product], weight, scale(), excess + slack + dual + weight);
         }
     }
 
     /// A row `excess ≤ 0` with multiplier `dual` ≥ 0.
-    fn hard_row(&mut self, excess: f64, dual: f64, scale: f64) {
-        let (primal, sign, product) = (positive(excess), positive(-dual), (dual * excess).abs());
-        if self.is_in_question(primal, sign, product, excess + dual) {
-            let r = &mut self.residuals;
-            r.primal = larger(r.primal, relative(primal, scale));
-            r.dual = larger(r.dual, relative(sign, dual.abs()));
-            r.complementarity = larger(r.complementarity, relative(product, dual.abs() * (1.0 + scale)));
+    #[inline]
+    fn hard_row(&mut self, excess: f64, dual: f64, scale: impl Fn() -> f64) {
+        let product = dual * excess;
+        if !is_met(excess, dual, product) {
+            let (primal, sign) = (positive(excess), positive(-dual));
+            self.measure([primal, sign, product.abs()], dual.abs(), scale(), excess + dual);
         }
     }
 
-    /// Whether there is anything to be measured of a row: mostly all three are 0. What is not finite, as `probe` tells
-    /// (comparisons do not), is refused.
-    fn is_in_question(&mut self, primal: f64, dual: f64, product: f64, probe: f64) -> bool {
+    /// Takes in by how much a row is violated, how far its multiplier is from where it may be, and the product with
+    /// the distance, against the sizes of multiplier and row. What is not finite, as `probe` tells (comparisons do
+    /// not), is refused.
+    fn measure(&mut self, [primal, sign, product]: [f64; 3], weight: f64, scale: f64, probe: f64) {
         if !probe.is_finite() {
             self.residuals = Residuals::REFUSED;
         }
-        primal != 0.0 || dual != 0.0 || product != 0.0
+        let r = &mut self.residuals;
+        r.primal = larger(r.primal, relative(primal, scale));
+        r.dual = larger(r.dual, relative(sign, weight));
+        r.complementarity = larger(r.complementarity, relative(product, weight * (1.0 + scale)));
     }
 
+    #[inline]
     fn bounds(&mut self, x: f64, interval: Interval, duals: [f64; 2], gradient: &mut Gradient) {
-        self.hard_row(interval.min - x, duals[0], interval.min.abs());
-        self.hard_row(x - interval.max, duals[1], interval.max.abs());
+        self.hard_row(interval.min - x, duals[0], || interval.min.abs());
+        self.hard_row(x - interval.max, duals[1], || interval.max.abs());
         gradient.add(-duals[0]);
         gradient.add(duals[1]);
     }
 
+    #[inline]
     fn certificate(
         &mut self,
         c: Certificate,
@@ -138,30 +150,32 @@ impl Check {
         weight: f64,
         gradient: &mut Gradient,
     ) {
-        let scale = (c.linear * x).abs() + 0.5 * c.curvature * x * x + c.decrease.abs();
+        let scale = || (c.linear * x).abs() + 0.5 * c.curvature * x * x + c.decrease.abs();
         self.soft_row(c.excess(x), slack, dual, weight, scale);
         gradient.add(dual * c.linear);
         gradient.add(dual * c.curvature * x);
     }
 
+    #[inline]
     fn v(&mut self, programme: &Programme, s: &Solution) {
         let (w, v) = (&programme.weights, s.v_mps);
         let mut gradient = Gradient::default();
         gradient.add(w.v * v);
         self.certificate(programme.position, v, s.slack_position, s.dual_position, w.position, &mut gradient);
         for ((row, slack), dual) in programme.comfort.iter().zip(&s.slack_comfort).zip(&s.dual_comfort) {
-            let scale = (row.coefficient * v).abs() + row.bound.abs();
+            let scale = || (row.coefficient * v).abs() + row.bound.abs();
             self.soft_row(row.excess(v), *slack, *dual, w.comfort, scale);
             gradient.add(dual * row.coefficient);
         }
         for (row, dual) in programme.safety.iter().zip(&s.dual_safety) {
-            self.hard_row(row.excess(v), *dual, (row.coefficient * v).abs() + row.bound.abs());
+            self.hard_row(row.excess(v), *dual, || (row.coefficient * v).abs() + row.bound.abs());
             gradient.add(dual * row.coefficient);
         }
         self.bounds(v, programme.v_mps, s.dual_v, &mut gradient);
         self.stationary(&gradient);
     }
 
+    #[inline]
     fn omega(&mut self, programme: &Programme, s: &Solution) {
         let (w, omega) = (&programme.weights, s.omega_radps);
         let mut gradient = Gradient::default();
@@ -171,6 +185,7 @@ impl Check {
         self.stationary(&gradient);
     }
 
+    #[inline]
     fn stationary(&mut self, gradient: &Gradient) {
         let r = &mut self.residuals;
         r.stationarity = larger(r.stationarity, relative(gradient.sum.abs(), gradient.scale));
