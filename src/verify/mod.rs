@@ -44,6 +44,20 @@ impl Residuals {
         self.primal.max(self.dual).max(self.complementarity).max(self.stationarity)
     }
 
+    /// These and those of a row: by how much it is violated, how far its multiplier is from where it may be, and the
+    /// product with the distance, against the sizes of multiplier and row. What is not finite, as `probe` tells
+    /// (comparisons do not), is refused.
+    #[inline(never)]
+    fn with(self, [primal, sign, product]: [f64; 3], weight: f64, scale: f64, probe: f64) -> Self {
+        let before = if probe.is_finite() { self } else { Self::REFUSED };
+        Self {
+            primal: larger(before.primal, relative(primal, scale)),
+            dual: larger(before.dual, relative(sign, weight)),
+            complementarity: larger(before.complementarity, relative(product, weight * (1.0 + scale))),
+            ..before
+        }
+    }
+
     const REFUSED: Self = Self {
         primal: f64::INFINITY,
         dual: f64::INFINITY,
@@ -94,9 +108,10 @@ impl Gradient {
     }
 }
 
+#[expect(clippy::inline_always, reason = "all is in registers, and hardly anything has to be measured")]
 impl Check {
     /// A row `excess ≤ slack` with multiplier `dual` in [0, weight]; `scale` is the row's size.
-    #[inline]
+    #[inline(always)]
     fn soft_row(&mut self, excess: f64, slack: f64, dual: f64, weight: f64, scale: impl Fn() -> f64) {
         // Both multipliers, λ of the row and w − λ of δ ≥ 0, against their distances.
         let (gap, rest) = (excess - slack, weight - dual);
@@ -105,34 +120,23 @@ impl Check {
             let primal = larger(positive(gap), positive(-slack));
             let sign = larger(positive(-dual), positive(-rest));
             let product = larger(products[0].abs(), products[1].abs());
-            self.measure([primal, sign, product], weight, scale(), excess + slack + dual + weight);
+            self.residuals =
+                self.residuals.with([primal, sign, product], weight, scale(), excess + slack + dual + weight);
         }
     }
 
     /// A row `excess ≤ 0` with multiplier `dual` ≥ 0.
-    #[inline]
+    #[inline(always)]
     fn hard_row(&mut self, excess: f64, dual: f64, scale: impl Fn() -> f64) {
         let product = dual * excess;
         if !is_met(excess, dual, product) {
             let (primal, sign) = (positive(excess), positive(-dual));
-            self.measure([primal, sign, product.abs()], dual.abs(), scale(), excess + dual);
+            self.residuals =
+                self.residuals.with([primal, sign, product.abs()], dual.abs(), scale(), excess + dual);
         }
     }
 
-    /// Takes in by how much a row is violated, how far its multiplier is from where it may be, and the product with
-    /// the distance, against the sizes of multiplier and row. What is not finite, as `probe` tells (comparisons do
-    /// not), is refused.
-    fn measure(&mut self, [primal, sign, product]: [f64; 3], weight: f64, scale: f64, probe: f64) {
-        if !probe.is_finite() {
-            self.residuals = Residuals::REFUSED;
-        }
-        let r = &mut self.residuals;
-        r.primal = larger(r.primal, relative(primal, scale));
-        r.dual = larger(r.dual, relative(sign, weight));
-        r.complementarity = larger(r.complementarity, relative(product, weight * (1.0 + scale)));
-    }
-
-    #[inline]
+    #[inline(always)]
     fn bounds(&mut self, x: f64, interval: Interval, duals: [f64; 2], gradient: &mut Gradient) {
         self.hard_row(interval.min - x, duals[0], || interval.min.abs());
         self.hard_row(x - interval.max, duals[1], || interval.max.abs());
@@ -140,7 +144,7 @@ impl Check {
         gradient.add(duals[1]);
     }
 
-    #[inline]
+    #[inline(always)]
     fn certificate(
         &mut self,
         c: Certificate,
@@ -156,7 +160,7 @@ impl Check {
         gradient.add(dual * c.curvature * x);
     }
 
-    #[inline]
+    #[inline(always)]
     fn v(&mut self, programme: &Programme, s: &Solution) {
         let (w, v) = (&programme.weights, s.v_mps);
         let mut gradient = Gradient::default();
@@ -175,7 +179,7 @@ impl Check {
         self.stationary(&gradient);
     }
 
-    #[inline]
+    #[inline(always)]
     fn omega(&mut self, programme: &Programme, s: &Solution) {
         let (w, omega) = (&programme.weights, s.omega_radps);
         let mut gradient = Gradient::default();
@@ -185,7 +189,7 @@ impl Check {
         self.stationary(&gradient);
     }
 
-    #[inline]
+    #[inline(always)]
     fn stationary(&mut self, gradient: &Gradient) {
         let r = &mut self.residuals;
         r.stationarity = larger(r.stationarity, relative(gradient.sum.abs(), gradient.scale));
