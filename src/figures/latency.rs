@@ -63,6 +63,16 @@ impl LatencyHistogram {
         let _ = self.histogram.add(&other.histogram);
     }
 
+    /// What 99 % of the times were at most so far, ns; 0 without a record.
+    pub fn p99(&self) -> u64 {
+        self.histogram.value_at_quantile(0.99)
+    }
+
+    /// The longest time so far, ns; 0 without a record.
+    pub fn max(&self) -> u64 {
+        self.histogram.max()
+    }
+
     /// The percentiles so far; all zero without a record.
     pub fn summary(&self) -> LatencyNs {
         let h = &self.histogram;
@@ -70,10 +80,10 @@ impl LatencyHistogram {
             count: h.len(),
             p50: h.value_at_quantile(0.5),
             p90: h.value_at_quantile(0.9),
-            p99: h.value_at_quantile(0.99),
+            p99: self.p99(),
             p999: h.value_at_quantile(0.999),
             p9999: h.value_at_quantile(0.9999),
-            max: h.max(),
+            max: self.max(),
         }
     }
 }

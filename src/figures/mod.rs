@@ -4,22 +4,22 @@
 //! commands in force make it the motion over that period, and writes [`ControlFigures`]. Clearance is
 //! the minimum over **continuous** time and all pairs, from the exact arcs, or from the straight lines of
 //! a plant that moves by Euler steps. Nothing allocates after
-//! [`Accumulator::new`] but the list of violations; a period costs one distance for every pair that is
-//! near and one exact minimum for every
+//! [`Accumulator::new`] but the list of violations, and that of pairs that could lower the minimum where these
+//! are more than robots; a period costs one distance for every pair that is near and one exact minimum for every
 //! pair that could lower the minimum.
 
 mod clearances;
 mod latency;
+mod motion;
 
 pub use clearances::Clearances;
 pub use latency::{LatencyHistogram, LatencyNs};
 
-use crate::geometry::{
-    Arc, Grid, Integration, Pose, Vec2, bearing, closest_point_on_segment, min_distance_arcs, wrap,
-};
+use crate::geometry::{Arc, Integration, Pose, Vec2, bearing, wrap};
 use crate::model::{Limits, Obstacle, RobotSpec};
 use crate::scenario::Scenario;
 use crate::wire::{RobotState, RobotTelemetry, SolveStatus, state_flags};
+use motion::{Body, Motion};
 use serde::Serialize;
 use std::collections::BTreeSet;
 
@@ -150,6 +150,16 @@ impl Track {
         self.id.is_some()
     }
 
+    /// Whether it is a robot that takes commands.
+    fn is_ours(&self) -> bool {
+        self.id.is_some() && !self.foreign
+    }
+
+    /// What of it counts for clearance.
+    fn body(&self) -> Body {
+        Body { radius_m: self.radius_m, present: self.id.is_some(), foreign: self.foreign }
+    }
+
     fn stall(&mut self, pose: Pose, now_s: f64) {
         let (last, since_s) = self.progress;
         let moved = (pose.position_m - last.position_m).norm() > STALL_MOVE_M;
@@ -160,16 +170,6 @@ impl Track {
             self.stalled = true;
         }
     }
-}
-
-/// A lower bound on the distance of two robots over a period, m: that of two on straight lines, less how
-/// far arcs can leave their chords.
-fn straight_m(a: &Arc, b: &Arc, horizon_s: f64) -> f64 {
-    let from = a.start.position_m - b.start.position_m;
-    let change = (a.start.heading() * a.v_mps - b.start.heading() * b.v_mps) * horizon_s;
-    let bend = |r: &Arc| 0.5 * (r.v_mps * r.omega_radps).abs() * horizon_s * horizon_s;
-    // Less a little, so that rounding cannot make it too large.
-    closest_point_on_segment(Vec2::zeros(), from, from + change).norm() - bend(a) - bend(b) - 1e-9
 }
 
 /// A robot's way, and its arrival.
@@ -192,11 +192,14 @@ pub struct Accumulator {
     limits: Limits,
     obstacles: Vec<Obstacle>,
     tracks: Vec<Track>,
+    /// Robots of ours, and those of them that are inside the tolerance.
+    present: usize,
+    arrived: usize,
     /// Room for the motion of one period.
     arcs: Vec<Arc>,
-    /// Robots by place, and those near one of them.
-    grid: Grid,
-    near: Vec<u32>,
+    /// What of `tracks` counts for clearance.
+    bodies: Vec<Body>,
+    motion: Motion,
     /// Pairs of robots, and of robots and obstacles (numbered after the robots).
     violated: BTreeSet<(usize, usize)>,
     min_clearance_m: f64,
@@ -217,6 +220,7 @@ impl Accumulator {
         let track = |spec: &RobotSpec| Track::new(&RobotState::at_start(spec), 0.0, &scenario.limits);
         let mut tracks: Vec<Track> = scenario.robots.iter().map(track).collect();
         tracks.resize(n, Track::VACANT);
+        let bodies = tracks.iter().map(Track::body).collect();
         let largest_m = scenario.robots.iter().map(|r| r.radius_m).fold(0.0, f64::max);
         let limits = scenario.limits;
         let cell_m = limits.safety_margin_m + 2.0 * largest_m + 2.0 * limits.speed_mps() * period_s;
@@ -226,10 +230,12 @@ impl Accumulator {
             tolerance_m: scenario.tolerance_m,
             limits: scenario.limits,
             obstacles: scenario.obstacles.clone(),
+            present: tracks.iter().filter(|track| track.is_ours()).count(),
+            arrived: 0,
             tracks,
             arcs: Vec::with_capacity(n),
-            grid: Grid::with_capacity(n, cell_m),
-            near: Vec::with_capacity(n),
+            bodies,
+            motion: Motion::with_room(n, cell_m),
             violated: BTreeSet::new(),
             min_clearance_m: f64::INFINITY,
             steps: 0,
@@ -250,20 +256,33 @@ impl Accumulator {
     /// scenario's order. A robot that gets a new goal begins anew: arrival times and ratios are those of
     /// the last goal.
     pub fn observe_period(&mut self, tick: u64, fleet: &[RobotState]) {
-        self.observe_progress(tick, fleet);
-        let mut arcs = std::mem::take(&mut self.arcs);
+        let (mut arcs, plant) = (std::mem::take(&mut self.arcs), self.plant);
         arcs.clear();
-        arcs.extend(fleet.iter().map(|robot| self.plant.path(&robot.arc())));
+        self.progress_of(tick, fleet, |robot| arcs.push(plant.path(&robot.arc())));
         self.observe_motion(&arcs, self.period_s);
         self.arcs = arcs;
     }
 
     /// Adds where the robots are at `tick` and what they are told, without the motion.
     pub fn observe_progress(&mut self, tick: u64, fleet: &[RobotState]) {
+        self.progress_of(tick, fleet, |_| {});
+    }
+
+    /// The same; shows `each` of them.
+    fn progress_of(&mut self, tick: u64, fleet: &[RobotState], mut each: impl FnMut(&RobotState)) {
         let now_s = tick as f64 * self.period_s;
         self.steps += 1;
-        for (track, state) in self.tracks.iter_mut().zip(fleet) {
-            if !track.follow(state, now_s, &self.limits) {
+        (self.present, self.arrived) = (0, 0);
+        // Who is not told of stays as it was.
+        for track in self.tracks.iter().skip(fleet.len()) {
+            self.present += usize::from(track.is_ours());
+            self.arrived += usize::from(track.is_ours() && track.arrived_s.is_some());
+        }
+        for ((track, body), state) in self.tracks.iter_mut().zip(&mut self.bodies).zip(fleet) {
+            each(state);
+            let anybody = track.follow(state, now_s, &self.limits);
+            *body = track.body();
+            if !anybody {
                 continue;
             }
             // Where a robot without a trusted state is, nobody knows.
@@ -274,44 +293,9 @@ impl Accumulator {
             track.driven_m += state.v_mps.abs() * self.period_s;
             track.omega_variation += (state.omega_radps - track.omega_radps).abs();
             track.omega_radps = state.omega_radps;
+            self.present += usize::from(track.is_ours());
+            self.arrived += usize::from(track.is_ours() && track.arrived_s.is_some());
         }
-    }
-
-    /// Adds the motion along `arcs`, one for each robot in the scenario's order, over `horizon_s`.
-    pub fn observe_motion(&mut self, arcs: &[Arc], horizon_s: f64) {
-        let arcs = &arcs[..arcs.len().min(self.tracks.len())];
-        let near_m = self.near_m(arcs, horizon_s);
-        for i in 0..arcs.len() {
-            if self.tracks[i].id.is_some() {
-                self.pairs_of(i, arcs, horizon_s, near_m);
-                self.obstacles_of(i, &arcs[i], horizon_s);
-            }
-        }
-    }
-
-    /// Sorts the fleet by place; the distance within which a pair can lower the minimum or be violated.
-    fn near_m(&mut self, arcs: &[Arc], horizon_s: f64) -> f64 {
-        self.grid.build(arcs.iter().map(|arc| arc.start.position_m));
-        let fastest_mps = arcs.iter().map(|arc| arc.v_mps.abs()).fold(0.0, f64::max);
-        let largest_m = self.tracks.iter().map(|track| track.radius_m).fold(0.0, f64::max);
-        // Some pairs that are likely to be near: no minimum is larger than any of theirs.
-        let some = self.grid.order().windows(2).filter_map(|pair| {
-            let (i, j) = (pair[0] as usize, pair[1] as usize);
-            let offset = arcs[i].start.position_m - arcs[j].start.position_m;
-            self.counts(i, j).then(|| offset.norm() - self.required_of(i, j))
-        });
-        let smallest_m = some.fold(self.min_clearance_m, f64::min).max(0.0);
-        self.limits.safety_margin_m + 2.0 * (largest_m + fastest_mps * horizon_s) + smallest_m
-    }
-
-    /// Whether the distance of two robots matters.
-    fn counts(&self, i: usize, j: usize) -> bool {
-        let (a, b) = (&self.tracks[i], &self.tracks[j]);
-        a.id.is_some() && b.id.is_some() && !(a.foreign && b.foreign)
-    }
-
-    fn required_of(&self, i: usize, j: usize) -> f64 {
-        self.limits.safety_margin_m + self.tracks[i].radius_m + self.tracks[j].radius_m
     }
 
     /// Adds one robot's solve.
@@ -323,62 +307,14 @@ impl Accumulator {
         }
     }
 
-    fn pairs_of(&mut self, i: usize, arcs: &[Arc], horizon_s: f64, near_m: f64) {
-        let a = &arcs[i];
-        let mut near = std::mem::take(&mut self.near);
-        near.clear();
-        // Rounding must not lose the pair that is just as far.
-        self.grid.near(a.start.position_m, near_m * (1.0 + 1e-12), |range| {
-            near.extend(self.grid.order()[range].iter().filter(|j| (**j as usize) < i));
-        });
-        for j in near.iter().map(|j| *j as usize) {
-            let b = &arcs[j];
-            if !self.counts(i, j) {
-                continue;
-            }
-            let required = self.required_of(i, j);
-            // Neither this minimum nor a violation can come from further away than they can drive.
-            let smallest_m = self.min_clearance_m.max(0.0);
-            let apart = (a.start.position_m - b.start.position_m).norm() - required;
-            let reach = (a.v_mps.abs() + b.v_mps.abs()) * horizon_s;
-            if apart - reach > smallest_m || straight_m(a, b, horizon_s) - required > smallest_m {
-                continue;
-            }
-            let clearance = min_distance_arcs(a, b, horizon_s).upper_m - required;
-            self.note((i, j), clearance);
-        }
-        self.near = near;
-    }
-
-    fn obstacles_of(&mut self, i: usize, arc: &Arc, horizon_s: f64) {
-        let robots = self.tracks.len();
-        for k in 0..self.obstacles.len() {
-            let obstacle = self.obstacles[k];
-            let required = self.limits.safety_margin_m + self.tracks[i].radius_m + obstacle.reach_m();
-            let apart = obstacle.core_distance(arc.start.position_m) - required;
-            if apart - arc.v_mps.abs() * horizon_s > self.min_clearance_m.max(0.0) {
-                continue;
-            }
-            let clearance = obstacle.min_core_distance(arc, horizon_s).upper_m - required;
-            self.note((i, robots + k), clearance);
-        }
-    }
-
-    fn note(&mut self, pair: (usize, usize), clearance_m: f64) {
-        self.min_clearance_m = self.min_clearance_m.min(clearance_m);
-        if clearance_m < VIOLATION_M {
-            self.violated.insert(pair);
-        }
-    }
-
     /// Robots inside the tolerance of their goal in the last period.
     pub fn arrived(&self) -> usize {
-        self.ours().filter(|t| t.arrived_s.is_some()).count()
+        self.arrived
     }
 
     /// Whether every robot that has a goal is inside the tolerance of it.
     pub fn all_arrived(&self) -> bool {
-        self.ours().all(|t| t.arrived_s.is_some())
+        self.arrived == self.present
     }
 
     /// Every robot of ours: how far it had to drive, and when it arrived.
@@ -391,7 +327,7 @@ impl Accumulator {
     }
 
     fn ours(&self) -> impl Iterator<Item = &Track> {
-        self.tracks.iter().filter(|t| t.id.is_some() && !t.foreign)
+        self.tracks.iter().filter(|track| track.is_ours())
     }
 
     /// Pairs that came closer than they may so far.
@@ -415,7 +351,7 @@ impl Accumulator {
         let moved = || arrivals().filter(|(t, _)| straight(t) > self.tolerance_m);
         let v_max = self.limits.v_max_mps;
         ControlFigures {
-            robots: self.ours().count(),
+            robots: self.present,
             arrived: self.arrived(),
             stalled: self.ours().filter(|t| t.stalled).count(),
             violations: self.violated.len(),
