@@ -4,52 +4,68 @@ use super::statistics::Statistics;
 use super::watchdog::Watchdog;
 use crate::figures::Accumulator;
 use crate::telemetry::{Pool, SolveRecord};
-use crate::wire::{RobotCheckpoint, RobotTelemetry};
+use crate::wire::telemetry_flags;
 
-/// The workers' records of the last periods, put together by tick.
+/// The workers' records of the periods whose own record has not been read yet.
 pub(super) struct Answers {
-    ring: Vec<Answer>,
+    held: Vec<Held>,
+    /// The newest period that is done with: what is said of it, or of one before, comes too late.
+    done: Option<u64>,
     pub(super) watchdog: Watchdog,
     /// Robots that each worker answered since somebody last looked, and in how many records.
     pub(super) answered: Vec<u64>,
     pub(super) records: u64,
 }
 
-/// One period's solutions.
-#[derive(Debug, Clone)]
-pub(super) struct Answer {
-    tick: Option<u64>,
+/// A record that its worker gets back.
+#[derive(Debug)]
+struct Held {
+    worker: usize,
+    record: Box<SolveRecord>,
+    /// Robots in it that have not made progress for long.
+    stalled: Vec<usize>,
+}
+
+/// How far a period was answered.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Answered {
     /// Robots whose record is there.
     pub(super) known: usize,
     /// When the last of them was staged, from the state's stamp, ns.
     pub(super) staged_ns: u64,
-    pub(super) robots: Vec<RobotTelemetry>,
-    pub(super) checkpoints: Vec<RobotCheckpoint>,
 }
 
 impl Answers {
-    pub(super) fn new(robots: usize, workers: usize, periods: usize) -> Self {
-        let empty = Answer {
-            tick: None,
-            known: 0,
-            staged_ns: 0,
-            robots: vec![RobotTelemetry::default(); robots],
-            checkpoints: vec![RobotCheckpoint::default(); robots],
-        };
+    pub(super) fn new(workers: usize) -> Self {
         Self {
-            ring: vec![empty; periods.max(1)],
+            held: Vec::new(),
+            done: None,
             watchdog: Watchdog::new(workers),
             answered: vec![0; workers],
             records: 0,
         }
     }
 
-    fn slot(&self, tick: u64) -> usize {
-        usize::try_from(tick % self.ring.len() as u64).unwrap_or(0)
+    fn held(&self, tick: u64) -> impl Iterator<Item = &Held> {
+        self.held.iter().filter(move |held| held.record.tick == tick)
     }
 
-    pub(super) fn get(&self, tick: u64) -> Option<&Answer> {
-        self.ring.get(self.slot(tick)).filter(|answer| answer.tick == Some(tick))
+    /// The records that answer `tick`.
+    pub(super) fn of(&self, tick: u64) -> impl Iterator<Item = &SolveRecord> {
+        self.held(tick).map(|held| &*held.record)
+    }
+
+    /// Robots that have not made progress for long by `tick`.
+    pub(super) fn stalled(&self, tick: u64) -> impl Iterator<Item = usize> {
+        self.held(tick).flat_map(|held| held.stalled.iter().copied())
+    }
+
+    /// How far `tick` was answered.
+    pub(super) fn answered(&self, tick: u64) -> Answered {
+        self.of(tick).fold(Answered::default(), |all, record| Answered {
+            known: all.known + record.robots.len(),
+            staged_ns: all.staged_ns.max(record.state_to_staged_ns),
+        })
     }
 
     /// Takes what the workers left since the last time.
@@ -60,43 +76,37 @@ impl Answers {
         statistics: &mut Statistics,
     ) {
         for (worker, pool) in solves.iter().enumerate() {
-            let mut more = true;
-            while more {
-                more = pool
-                    .read(|record| {
-                        self.watchdog.answered(worker, record.tick);
-                        self.records += 1;
-                        if let Some(answered) = self.answered.get_mut(worker) {
-                            *answered += record.robots.len() as u64;
-                        }
-                        self.add(record, figures, statistics);
-                    })
-                    .is_some();
+            while let Some(record) = pool.take() {
+                self.watchdog.answered(worker, record.tick);
+                self.records += 1;
+                if let Some(answered) = self.answered.get_mut(worker) {
+                    *answered += record.robots.len() as u64;
+                }
+                statistics.state_to_worker.record(record.state_to_worker_ns);
+                let mut stalled = Vec::new();
+                for (index, robot) in &record.robots {
+                    statistics.add_solve(robot);
+                    figures.observe_solve(robot);
+                    if robot.flags & telemetry_flags::STALLED != 0 {
+                        stalled.push(*index);
+                    }
+                }
+                if self.done >= Some(record.tick) {
+                    pool.give_back(record);
+                } else {
+                    self.held.push(Held { worker, record, stalled });
+                }
             }
         }
     }
 
-    fn add(&mut self, record: &SolveRecord, figures: &mut Accumulator, statistics: &mut Statistics) {
-        statistics.add_solves(record);
-        let slot = self.slot(record.tick);
-        let Some(answer) = self.ring.get_mut(slot) else { return };
-        if answer.tick != Some(record.tick) {
-            (answer.tick, answer.known, answer.staged_ns) = (Some(record.tick), 0, 0);
-            answer.robots.fill(RobotTelemetry::default());
-            answer.checkpoints.fill(RobotCheckpoint::default());
-        }
-        answer.known += record.robots.len();
-        answer.staged_ns = answer.staged_ns.max(record.state_to_staged_ns);
-        for (index, checkpoint) in &record.checkpoints {
-            if let Some(mine) = answer.checkpoints.get_mut(*index) {
-                *mine = *checkpoint;
+    /// Gives back what was held of the periods up to `tick`.
+    pub(super) fn put_away(&mut self, solves: &[Arc<Pool<SolveRecord>>], tick: u64) {
+        self.done = self.done.max(Some(tick));
+        for held in self.held.extract_if(.., |held| held.record.tick <= tick) {
+            if let Some(pool) = solves.get(held.worker) {
+                pool.give_back(held.record);
             }
-        }
-        for (index, robot) in &record.robots {
-            if let Some(mine) = answer.robots.get_mut(*index) {
-                *mine = *robot;
-            }
-            figures.observe_solve(robot);
         }
     }
 }

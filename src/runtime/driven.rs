@@ -1,36 +1,44 @@
 use crate::telemetry::PeriodRecord;
-use crate::wire::RobotState;
+use crate::wire::{RobotCommand, RobotState};
 
 /// The period after the one that was recorded last.
 ///
 /// Its commands were already out when that one ended. A loop that oversleeps it leaves no record of it,
 /// and yet the robots drive it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Driven {
-    /// The tick and the states of that period; `None` when no commands went out for it.
-    next: Option<(u64, Vec<RobotState>)>,
+    /// Its tick; `None` when no commands went out for it.
+    next: Option<u64>,
+    /// The states that were recorded last, and the commands that went out.
+    states: Vec<RobotState>,
+    commands: Vec<RobotCommand>,
+    period_s: f64,
 }
 
 impl Driven {
-    /// The period that was driven between the last record and `period` and was skipped, if there is one.
-    pub(super) fn unrecorded(&self, period: &PeriodRecord) -> Option<(u64, &[RobotState])> {
-        let first_skipped = period.header.tick.checked_sub(period.header.skipped_periods)?;
-        let (tick, states) = self.next.as_ref()?;
-        (period.header.skipped_periods > 0 && first_skipped == *tick).then_some((*tick, states))
+    /// With memory for as many robots as the records have.
+    pub(super) fn with_robots(robots: usize, period_s: f64) -> Self {
+        let PeriodRecord { states, commands, .. } = PeriodRecord::with_robots(robots);
+        Self { next: None, states, commands, period_s }
     }
 
-    /// Remembers where the commands of `period` begin to act.
-    pub(super) fn remember(&mut self, period: &PeriodRecord, period_s: f64) {
-        let mut states = self.next.take().map(|(_, states)| states).unwrap_or_default();
-        if !period.published {
-            return;
-        }
-        states.clone_from(&period.states);
-        for (state, command) in states.iter_mut().zip(&period.commands) {
-            state.set_pose(state.arc().pose(period_s));
+    /// The period that was driven between the last record and `period` and was skipped, if there is one.
+    pub(super) fn unrecorded(&mut self, period: &PeriodRecord) -> Option<(u64, &[RobotState])> {
+        let first_skipped = period.header.tick.checked_sub(period.header.skipped_periods)?;
+        let skipped = |tick: &u64| period.header.skipped_periods > 0 && first_skipped == *tick;
+        let tick = self.next.take().filter(skipped)?;
+        for (state, command) in self.states.iter_mut().zip(&self.commands) {
+            state.set_pose(state.arc().pose(self.period_s));
             state.set_command(command.command());
         }
-        self.next = Some((period.header.tick + 1, states));
+        Some((tick, &self.states))
+    }
+
+    /// Remembers where the commands of `period` begin to act, and leaves it memory to be written anew.
+    pub(super) fn remember(&mut self, period: &mut PeriodRecord) {
+        self.next = period.published.then_some(period.header.tick + 1);
+        std::mem::swap(&mut self.states, &mut period.states);
+        std::mem::swap(&mut self.commands, &mut period.commands);
     }
 }
 
@@ -74,17 +82,18 @@ mod tests {
             obstacles: vec![],
         };
         // 2 m/s all the time, but period 1 is overslept, and in 2 nobody has a command.
-        let run = [record(0, 0, 0.0, 2.0, 2.0), record(3, 2, 2.0, 0.0, 4.0), record(4, 0, 2.0, 4.0, 0.0)];
-        let last = record(5, 0, 4.0, 0.0, 0.0);
-        let (mut figures, mut driven) = (Accumulator::new(&scenario, T_S), Driven::default());
+        let mut run =
+            vec![record(0, 0, 0.0, 2.0, 2.0), record(3, 2, 2.0, 0.0, 4.0), record(4, 0, 2.0, 4.0, 0.0)];
+        run.push(record(5, 0, 4.0, 0.0, 0.0));
+        let (mut figures, mut driven) = (Accumulator::new(&scenario, T_S), Driven::with_robots(1, T_S));
         let mut unrecorded = vec![];
-        for period in run.iter().chain([&last]) {
+        for period in &mut run {
             if let Some((tick, states)) = driven.unrecorded(period) {
                 unrecorded.push((tick, states[0].x_m, states[0].v_mps));
                 figures.observe_period(tick, states);
             }
             figures.observe_period(period.header.tick, &period.states);
-            driven.remember(period, T_S);
+            driven.remember(period);
         }
         assert_eq!(unrecorded, [(1, 1.0, 2.0)]);
         assert_eq!(figures.finish().path_ratio, Some(1.0));
@@ -92,9 +101,9 @@ mod tests {
         // Commands that were late were not driven, and a lost record leaves nothing to go by.
         let mut late = record(6, 0, 0.0, 0.0, 1.0);
         late.published = false;
-        driven.remember(&late, T_S);
+        driven.remember(&mut late);
         assert_eq!(driven.unrecorded(&record(8, 1, 0.0, 0.0, 0.0)), None);
-        driven.remember(&record(8, 0, 0.0, 0.0, 1.0), T_S);
+        driven.remember(&mut record(8, 0, 0.0, 0.0, 1.0));
         assert_eq!(driven.unrecorded(&record(12, 1, 0.0, 0.0, 0.0)), None);
     }
 }

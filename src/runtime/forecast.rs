@@ -10,11 +10,19 @@ const STEPS_MAX: u32 = 250;
 ///
 /// The recursion, [`Decrease::settling_steps`], has hundreds of steps with a power in each, too long for
 /// every robot of a large fleet in every period. What is left after a step grows with what there was, so
-/// that the answer is how many of a few hundred thresholds lie below.
+/// that the answer is how many of a few hundred thresholds lie below. A table tells how many do that are smaller by
+/// more than a sixteenth or so; the one or two that are left are looked at.
 #[derive(Debug, Clone)]
 pub(super) struct Forecast {
     /// ½d² from which on one more step is needed, ascending, m².
     thresholds_m2: Vec<f64>,
+    /// How many of them are of a lower [`class`], for each class from that of the first threshold to the last's.
+    lower: Vec<usize>,
+}
+
+/// The class of a number, 0 or more, in steps of a sixteenth of a power of two.
+fn class(number: f64) -> u64 {
+    number.to_bits() >> 48
 }
 
 impl Forecast {
@@ -39,12 +47,19 @@ impl Forecast {
             below = f64::from_bits(near);
             thresholds_m2.push(below);
         }
-        Self { thresholds_m2 }
+        let classes = class(0.5 * tolerance_m * tolerance_m)..=class(below);
+        let lower = classes.map(|c| thresholds_m2.partition_point(|t| class(*t) < c)).collect();
+        Self { thresholds_m2, lower }
     }
 
     /// Steps from ½d² = `lyapunov_position_m2` to inside the tolerance.
     pub(super) fn settling_steps(&self, lyapunov_position_m2: f64) -> u32 {
-        let steps = self.thresholds_m2.partition_point(|threshold| lyapunov_position_m2 > *threshold);
+        let is_below = |threshold: &&f64| lyapunov_position_m2 > **threshold;
+        let Some(first) = self.thresholds_m2.first().filter(is_below) else { return 0 };
+        let beyond = usize::try_from(class(lyapunov_position_m2) - class(*first));
+        let lower = beyond.ok().and_then(|beyond| self.lower.get(beyond).copied());
+        let lower = lower.unwrap_or(self.thresholds_m2.len());
+        let steps = lower + self.thresholds_m2.iter().skip(lower).take_while(is_below).count();
         u32::try_from(steps).ok().filter(|steps| *steps <= STEPS_MAX).unwrap_or(u32::MAX)
     }
 }
@@ -67,6 +82,12 @@ mod tests {
                 assert_eq!(told, steps.unwrap_or(u32::MAX), "{profile:?} {d_m}");
             }
             assert_eq!(forecast.settling_steps(f64::INFINITY), u32::MAX);
+            assert_eq!([0.0, -1.0, f64::NAN].map(|z| forecast.settling_steps(z)), [0; 3]);
+            for (steps, threshold) in (0..=STEPS_MAX).zip(&forecast.thresholds_m2) {
+                assert!(forecast.settling_steps(*threshold) <= steps, "{profile:?} {steps}");
+                let beyond = forecast.settling_steps(threshold.next_up());
+                assert!(beyond > steps || *threshold == f64::MAX, "{profile:?} {steps}");
+            }
         }
     }
 }

@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::Until;
-use super::answers::{Answer, Answers};
+use super::answers::Answers;
 use super::board::{Board, Released};
 use super::driven::Driven;
 use super::error::DaemonError;
@@ -11,8 +11,9 @@ use super::findings::Findings;
 use super::forecast::Forecast;
 use super::heartbeat::Heartbeat;
 use super::progress::Progress;
+use super::spread::{publish, publish_checkpoint};
 use super::statistics::Statistics;
-use super::threads::{Common, HELD_BESIDE, poll_interval, record_capacity};
+use super::threads::{Common, poll_interval};
 use super::truth::Truth;
 use super::watchdog::Change;
 use crate::audit::Auditor;
@@ -21,10 +22,7 @@ use crate::figures::Accumulator;
 use crate::model::Command;
 use crate::solver::ClarabelSolver;
 use crate::telemetry::{PeriodRecord, Pool, SolveRecord};
-use crate::wire::{
-    CheckpointHeader, RobotCheckpoint, RobotTelemetry, StopReason, TelemetryHeader, checkpoint_flags,
-    state_flags, telemetry_flags,
-};
+use crate::wire::{RobotCheckpoint, RobotTelemetry, StopReason, TelemetryHeader, state_flags};
 
 /// How often dead processes are cleaned up and changes are logged.
 const CHORES_EVERY: Duration = Duration::from_secs(1);
@@ -84,12 +82,12 @@ impl Housekeeper {
             checkpoints: node.writer(robots)?,
             node,
             periods,
-            answers: Answers::new(robots, solves.len(), record_capacity(config) + HELD_BESIDE),
+            answers: Answers::new(solves.len()),
             solves,
             board: Arc::clone(&common.board),
             accumulator: Accumulator::with_places(&config.scenario, robots, period_s)
                 .on_plant(config.source.plant),
-            driven: Driven::default(),
+            driven: Driven::with_robots(robots, period_s),
             truth: Truth::new(config),
             statistics: Statistics::new(robots, period_s)?,
             fleet: Fleet::default(),
@@ -176,27 +174,27 @@ impl Housekeeper {
         while more {
             more = periods
                 .read(|period| {
+                    let tick = period.header.tick;
                     // A worker that was in time left its record before the loop left this one.
                     answers.drain(solves, accumulator, statistics);
-                    answers
-                        .watchdog
-                        .period_over(period.header.tick, |change| tell(period.header.tick, change));
+                    answers.watchdog.period_over(tick, |change| tell(tick, change));
                     heartbeat.period_over(period.published);
                     let header = TelemetryHeader {
                         audited: audit.audited,
                         audit_disagreed: audit.disagreed,
                         audit_max_input_gap: audit.max_input_gap,
-                        ..statistics.add_period(period, answers.get(period.header.tick))
+                        ..statistics.add_period(period, answers.answered(tick))
                     };
-                    if let Some((tick, states)) = driven.unrecorded(period) {
-                        truth.observe(accumulator, since_start(tick), states);
+                    if let Some((skipped, states)) = driven.unrecorded(period) {
+                        truth.observe(accumulator, since_start(skipped), states);
                     }
-                    truth.observe(accumulator, since_start(period.header.tick), &period.states);
-                    driven.remember(period, statistics.period_s);
-                    *fleet = Fleet::of(period, answers.get(period.header.tick));
+                    truth.observe(accumulator, since_start(tick), &period.states);
+                    *fleet = Fleet::of(period, answers.stalled(tick));
                     *settled = accumulator.all_arrived() && stands(period);
                     publish(telemetry, &header, period, answers, forecast);
                     publish_checkpoint(checkpoints, period, answers);
+                    driven.remember(period);
+                    answers.put_away(solves, tick);
                 })
                 .is_some();
         }
@@ -297,16 +295,14 @@ pub(super) struct Fleet {
 }
 
 impl Fleet {
-    fn of(period: &PeriodRecord, answer: Option<&Answer>) -> Self {
-        let mut fleet = Self::default();
-        for (index, state) in period.states.iter().enumerate() {
-            if state.has(state_flags::VACANT) {
-                continue;
-            }
-            let told = answer.and_then(|answer| answer.robots.get(index));
-            let stalled = told.is_some_and(|robot| robot.flags & telemetry_flags::STALLED != 0);
+    fn of(period: &PeriodRecord, stalled: impl Iterator<Item = usize>) -> Self {
+        let stalled = stalled.filter_map(|index| period.states.get(index));
+        let away =
+            stalled.filter(|state| !state.has(state_flags::VACANT) && !state.has(state_flags::ARRIVED));
+        let stalled = away.count();
+        let mut fleet = Self { stalled, ..Self::default() };
+        for state in period.states.iter().filter(|state| !state.has(state_flags::VACANT)) {
             fleet.robots += 1;
-            fleet.stalled += usize::from(stalled && !state.has(state_flags::ARRIVED));
             fleet.unseen += usize::from(!state.has(state_flags::VALID));
             fleet.paused |= state.has(state_flags::PAUSED);
             fleet.stopped |= state.has(state_flags::STOPPED);
@@ -327,57 +323,4 @@ fn tell(tick: u64, change: Change) {
 fn stands(period: &PeriodRecord) -> bool {
     period.states.iter().all(|state| state.command() == Command::STOP)
         && period.commands.iter().all(|command| command.command() == Command::STOP)
-}
-
-/// Puts a period's telemetry together and sends it.
-fn publish(
-    telemetry: &mut Writer<RobotTelemetry>,
-    header: &TelemetryHeader,
-    period: &PeriodRecord,
-    answers: &Answers,
-    forecast: &Forecast,
-) {
-    let answer = answers.get(header.tick);
-    let sent = telemetry.publish(|head, robots| {
-        *head = *header;
-        for (index, (robot, command)) in robots.iter_mut().zip(&period.commands).enumerate() {
-            if let Some(solved) = answer.and_then(|a| a.robots.get(index)) {
-                *robot = *solved;
-                robot.settling_steps = forecast.settling_steps(robot.lyapunov_position_m2);
-            }
-            // What went out, whatever the worker wanted.
-            robot.id = command.id;
-            robot.stop_reason = command.stop_reason;
-            (robot.v_mps, robot.omega_radps) = (command.v_mps, command.omega_radps);
-        }
-    });
-    if sent.is_err() {
-        tracing::debug!(tick = header.tick, "telemetry did not reach every reader");
-    }
-}
-
-/// Sends what the controllers remembered before they answered the period's state.
-fn publish_checkpoint(checkpoints: &mut Writer<RobotCheckpoint>, period: &PeriodRecord, answers: &Answers) {
-    let answer = answers.get(period.header.tick);
-    let sent = checkpoints.publish(|head, robots| {
-        *head = CheckpointHeader {
-            epoch: period.header.epoch,
-            tick: period.header.tick,
-            skipped_periods: period.header.skipped_periods,
-            commands_published: u64::from(period.published),
-            ..CheckpointHeader::default()
-        };
-        for (index, (robot, command)) in robots.iter_mut().zip(&period.commands).enumerate() {
-            if let Some(known) = answer.and_then(|a| a.checkpoints.get(index)) {
-                *robot = *known;
-            }
-            // What was remembered may be another robot's, which stood there before.
-            if robot.flags & checkpoint_flags::ANSWERED == 0 {
-                robot.id = command.id;
-            }
-        }
-    });
-    if sent.is_err() {
-        tracing::debug!(tick = period.header.tick, "a checkpoint did not reach every reader");
-    }
 }

@@ -40,6 +40,7 @@ mod keeping;
 mod progress;
 mod regions;
 mod room;
+mod spread;
 mod staging;
 mod starting;
 mod statistics;

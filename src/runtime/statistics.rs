@@ -3,13 +3,13 @@ use std::sync::atomic::Ordering;
 
 use hdrhistogram::errors::CreationError;
 
-use super::answers::Answer;
+use super::answers::Answered;
 use super::board::Board;
 use super::progress::Progress;
 use crate::admission::Rejections;
 use crate::figures::LatencyHistogram;
-use crate::telemetry::{PeriodRecord, SolveRecord};
-use crate::wire::{RobotCommand, SolveStatus, StopReason, TelemetryHeader};
+use crate::telemetry::PeriodRecord;
+use crate::wire::{RobotCommand, RobotTelemetry, SolveStatus, StopReason, TelemetryHeader};
 
 /// Everything about a run that is counted or timed.
 #[derive(Debug, Clone)]
@@ -89,17 +89,16 @@ impl Statistics {
         })
     }
 
-    pub(super) fn add_solves(&mut self, record: &SolveRecord) {
-        self.state_to_worker.record(record.state_to_worker_ns);
-        let robots = record.robots.iter().map(|(_, robot)| robot);
-        for robot in robots.filter(|robot| robot.status != SolveStatus::NotSolved as u32) {
+    /// Adds one robot's solve.
+    pub(super) fn add_solve(&mut self, robot: &RobotTelemetry) {
+        if robot.status != SolveStatus::NotSolved as u32 {
             self.solve.record(robot.solve_ns);
             self.step.record(robot.step_ns);
         }
     }
 
     /// Adds a period and completes its header.
-    pub(super) fn add_period(&mut self, period: &PeriodRecord, answer: Option<&Answer>) -> TelemetryHeader {
+    pub(super) fn add_period(&mut self, period: &PeriodRecord, answer: Answered) -> TelemetryHeader {
         let mut header = period.header;
         let missing = self.count_stops(period);
         let driven = |c: &&RobotCommand| StopReason::from_code(c.stop_reason).is_none_or(|r| !r.is_wanted());
@@ -108,7 +107,7 @@ impl Statistics {
         // The first skipped period was driven by commands that are counted where they were given; the
         // one that is recorded here was not, and takes its place.
         header.fallback_commands = stopped + header.skipped_periods * commanded;
-        if let Some(answer) = answer.filter(|answer| answer.known as u64 == self.robots) {
+        if answer.known as u64 == self.robots {
             header.state_to_staged_ns = answer.staged_ns;
             self.state_to_staged.record(answer.staged_ns);
         }
@@ -147,8 +146,8 @@ impl Statistics {
         progress.ticks = self.ticks;
         progress.tick = self.last.tick;
         progress.release_lateness_ns = self.last.release_lateness_ns;
-        progress.release_lateness_max_ns = self.release_lateness.summary().max;
-        progress.solve_p99_ns = self.solve.summary().p99;
+        progress.release_lateness_max_ns = self.release_lateness.max();
+        progress.solve_p99_ns = self.solve.p99();
         progress.skipped_periods = self.skipped_periods;
         progress.deadline_misses = self.deadline_misses;
         progress.fallback_commands = self.fallback_commands;

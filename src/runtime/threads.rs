@@ -8,6 +8,7 @@ use super::control_loop::{ControlLoop, LoopMemory};
 use super::decider::Decider;
 use super::desk::Desk;
 use super::error::DaemonError;
+
 use super::supervisor::Supervisor;
 use super::worker::Worker;
 use crate::channel::Transport;
@@ -218,14 +219,13 @@ const RECORDS_BYTES: usize = 256 << 20;
 /// Records that telemetry keeps however large the fleet is.
 const RECORDS_MIN: usize = 4;
 /// Periods beyond these that housekeeping holds.
-pub(super) const HELD_BESIDE: usize = 2;
+const HELD_BESIDE: usize = 1;
 
-/// What a place takes in each record: in the loop's, in those of the workers, whose rooms together are
-/// half as many again as the places, and in what housekeeping puts together from them.
+/// What a place takes in each record: in the loop's, and in those of the workers, whose rooms together are
+/// half as many again as the places.
 const PLACE_BYTES: usize = {
-    let answer = size_of::<RobotTelemetry>() + size_of::<RobotCheckpoint>();
     let solved = size_of::<(usize, RobotTelemetry)>() + size_of::<(usize, RobotCheckpoint)>();
-    size_of::<RobotState>() + size_of::<RobotCommand>() + answer + solved + solved / 2
+    size_of::<RobotState>() + size_of::<RobotCommand>() + solved + solved / 2
 };
 
 /// Records that telemetry keeps: what is configured, and at least half a second's worth; of a large
@@ -261,8 +261,7 @@ mod tests {
             let two = size_of_val(&*period.states)
                 + size_of_val(&*period.commands)
                 + solved.robots.capacity() * size_of::<(usize, RobotTelemetry)>()
-                + solved.checkpoints.capacity() * size_of::<(usize, RobotCheckpoint)>()
-                + 2 * (size_of::<RobotTelemetry>() + size_of::<RobotCheckpoint>());
+                + solved.checkpoints.capacity() * size_of::<(usize, RobotCheckpoint)>();
             let bytes = places / 2 * two;
             let fits = (records + HELD_BESIDE) * bytes <= RECORDS_BYTES;
             assert!(fits || records == RECORDS_MIN, "{places}: {records} of {bytes}");

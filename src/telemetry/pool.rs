@@ -34,10 +34,20 @@ impl<T> Pool<T> {
 
     /// Shows the oldest full record to `read` and makes it empty again; `None` when there is none.
     pub fn read<R>(&self, read: impl FnOnce(&mut T) -> R) -> Option<R> {
-        let mut record = self.full.pop()?;
+        let mut record = self.take()?;
         let result = read(&mut record);
-        let _ = self.empty.push(record);
+        self.give_back(record);
         Some(result)
+    }
+
+    /// The oldest full record, for whoever needs it longer; `None` when there is none.
+    pub fn take(&self) -> Option<Box<T>> {
+        self.full.pop()
+    }
+
+    /// Makes a record empty again that was [taken](Self::take) from this pool.
+    pub fn give_back(&self, record: Box<T>) {
+        let _ = self.empty.push(record);
     }
 
     /// Records that were not written because none was empty.
@@ -58,7 +68,13 @@ mod tests {
         assert!(!pool.write(|r| *r = 3));
         assert_eq!((pool.read(|r| *r), pool.lost()), (Some(1), 1));
         assert!(pool.write(|r| *r = 4));
-        assert_eq!([pool.read(|r| *r), pool.read(|r| *r), pool.read(|r| *r)], [Some(2), Some(4), None]);
+        let held = pool.take().unwrap();
+        assert_eq!((*held, pool.read(|r| *r), pool.take()), (2, Some(4), None));
+        // One is still away.
+        assert!(pool.write(|r| *r = 5) && !pool.write(|r| *r = 6));
+        pool.give_back(held);
+        assert!(pool.write(|r| *r = 7));
+        assert_eq!([pool.read(|r| *r), pool.read(|r| *r), pool.read(|r| *r)], [Some(5), Some(7), None]);
     }
 
     #[test]
