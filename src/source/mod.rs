@@ -48,7 +48,8 @@ pub trait StateSource {
     /// The robot in the `index`-th place is taken away.
     fn dismiss(&mut self, index: usize);
 
-    /// Learns which commands were published at `now_ns`.
+    /// Learns which commands were published at `now_ns`. What it is asked for next is a state at or after the time
+    /// from which they act.
     fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64);
 
     /// What was refused so far.
@@ -84,10 +85,8 @@ impl StateSource for Plant {
     }
 
     fn commit(&mut self, header: &CommandHeader, commands: &[RobotCommand], now_ns: u64) {
-        for (index, command) in commands.iter().enumerate() {
-            // A refusal is the gate's own affair: that robot stands still.
-            let _ = self.command(index, header, command, now_ns);
-        }
+        // How they move until these commands act is known by now, and nobody waits for it here.
+        self.command_and_advance(header, commands, now_ns, header.valid_from_ns);
     }
 
     fn rejections(&self) -> Rejections {
