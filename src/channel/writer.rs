@@ -69,13 +69,34 @@ impl<R: Record> Writer<R> {
     /// not to every reader.
     pub fn publish(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
         let seal = self.seal;
-        let sealed = |header: &mut R::Header, records: &mut [R]| {
+        self.send(|header, records| {
             fill(header, records);
             seal.put(header, records);
-        };
+        })
+    }
+
+    /// The same for large samples: `fill` writes a few records at a time, from the given one on, and each block is
+    /// sealed while it is near. Nothing is filled when nothing can be sent.
+    ///
+    /// # Errors
+    /// Those of [`Writer::publish`].
+    pub fn publish_in_blocks(
+        &mut self,
+        header: &R::Header,
+        fill: impl FnMut(usize, &mut [R]),
+    ) -> Result<(), ChannelError> {
+        let seal = self.seal;
+        self.send(|head, records| {
+            *head = *header;
+            seal.put_in_blocks(head, records, fill);
+        })
+    }
+
+    /// Sends a sample that `fill` fills and seals.
+    fn send(&mut self, fill: impl FnOnce(&mut R::Header, &mut [R])) -> Result<(), ChannelError> {
         match &mut self.port {
-            Port::Shared(writer) => writer.publish(sealed),
-            Port::Local(writer) => writer.publish(sealed),
+            Port::Shared(writer) => writer.publish(fill),
+            Port::Local(writer) => writer.publish(fill),
         }
     }
 

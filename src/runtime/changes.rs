@@ -85,7 +85,7 @@ impl<C: Clock> ControlLoop<C> {
     }
 }
 
-impl super::control_loop::LoopMemory {
+impl super::loop_memory::LoopMemory {
     /// Puts somebody else, at rest, or nobody into a place.
     pub(super) fn replace(&mut self, place: usize, mut state: RobotState, reason: StopReason) {
         let (Some(slot), Some(command), Some(intent)) =

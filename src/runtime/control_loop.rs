@@ -3,19 +3,17 @@ use std::sync::Arc;
 use super::board::Board;
 use super::desk::Desk;
 use super::event_count::{SPIN_LEAD_NS, Waiting};
-use super::fallback::{answer, resting};
-use super::room::Room;
+use super::fallback::{Told, answer};
+use super::loop_memory::LoopMemory;
 use crate::channel::{ChannelError, Writer};
 use crate::clock::Clock;
-use crate::config::{Config, PublishAt, Wakeup};
-use crate::disturbance::Remaining;
-use crate::model::{Command, Limits, RobotId};
+use crate::config::{PublishAt, Wakeup};
+use crate::model::{Limits, RobotId};
 use crate::schedule::Schedule;
 use crate::source::{Instant, StateSource};
 use crate::telemetry::{PeriodRecord, Pool};
 use crate::wire::{
-    CommandHeader, RobotCommand, RobotIntent, RobotState, StateHeader, StopReason, TelemetryHeader,
-    state_flags,
+    CommandHeader, RobotCommand, RobotState, StateHeader, StopReason, TelemetryHeader, state_flags,
 };
 
 /// The loop: releases periods on an absolute schedule and publishes states and commands.
@@ -29,7 +27,8 @@ use crate::wire::{
 ///    with [`PublishAt::Deadline`] always to the deadline;
 /// 4. take what they staged and publish **one** command sample for `[t_{k+1}, t_{k+2})`; a robot
 ///    without a complete, admissible command gets a stop and the reason;
-/// 5. with the period's duty done: take the memory of the next samples, and leave the record.
+/// 5. with the period's duty done: tell the source, take the memory of the next samples, leave the record, and
+///    let the states carry what was sent.
 ///
 /// Commands that are ready only after `t_{k+1}` are thrown away: nobody knows what the robots did
 /// meanwhile, and without a valid command they stand still.
@@ -50,91 +49,6 @@ pub(super) struct ControlLoop<C: Clock> {
     pub(super) desk: Arc<Desk>,
     pub(super) memory: LoopMemory,
 }
-
-/// What the loop remembers from period to period, all of it made before the first.
-pub(super) struct LoopMemory {
-    pub(super) states: Vec<RobotState>,
-    pub(super) commands: Vec<RobotCommand>,
-    /// What the robots mean to do with `commands`.
-    pub(super) intents: Vec<RobotIntent>,
-    /// Bits of [`state_flags`] that hold the whole fleet.
-    pub(super) hold: u32,
-    /// Requests that were refused here, after they had been found good.
-    pub(super) refusals: u64,
-    /// The period in which `commands` act, if they went out.
-    committed: Option<u64>,
-    /// Tick of the newest sample of commands that went out.
-    sent: Option<u64>,
-    /// What robots may still travel on earlier commands; `None` when the rows allow for nothing.
-    pub(super) remaining: Option<Remaining>,
-    /// What a new robot has to keep clear of.
-    pub(super) room: Room,
-    /// The first period that `remaining` does not know.
-    counted_to: u64,
-    send_failures: u64,
-}
-
-impl LoopMemory {
-    pub(super) fn new(states: Vec<RobotState>) -> Self {
-        let first = |s: &RobotState| {
-            let vacant = s.has(state_flags::VACANT);
-            RobotCommand::stop(s.robot(), if vacant { StopReason::Vacant } else { StopReason::Start })
-        };
-        let commands = states.iter().map(first).collect();
-        let intents = vec![RobotIntent::default(); states.len()];
-        Self {
-            states,
-            commands,
-            intents,
-            hold: 0,
-            refusals: 0,
-            committed: None,
-            sent: None,
-            remaining: None,
-            room: Room::default(),
-            counted_to: 0,
-            send_failures: 0,
-        }
-    }
-
-    /// With the fleet held from the first period on, by these bits of [`state_flags`].
-    pub(super) fn held(self, hold: u32) -> Self {
-        Self { hold, ..self }
-    }
-
-    /// Keeps count of what robots may still travel on commands that act late, within `bounds`.
-    pub(super) fn allowing_for(self, config: &Config) -> Self {
-        let (robots, bounds, period_s) = (self.states.len(), &config.robust, config.timing.period_s());
-        let remaining = (!bounds.is_none()).then(|| Remaining::new(robots, bounds, period_s));
-        Self { remaining, room: Room::new(config), ..self }
-    }
-
-    /// Tells the states what is left to travel at the start of `tick`, and counts the commands that
-    /// they hold over it.
-    pub(super) fn count_travel(&mut self, tick: u64) {
-        let Some(remaining) = &mut self.remaining else { return };
-        // Of the periods since the last one only the first can have had commands; nothing is left
-        // after some dozens without.
-        let first = self.counted_to.max(tick.saturating_sub(SILENT_PERIODS_MAX));
-        for skipped in first..tick {
-            for (index, command) in self.commands.iter().enumerate() {
-                let held = self.committed == Some(skipped);
-                remaining.hold(index, if held { command.command() } else { Command::STOP });
-            }
-        }
-        for (index, state) in self.states.iter_mut().enumerate() {
-            if !state.has(state_flags::FOREIGN) {
-                // On top of how far one that is not heard may be from its pose.
-                state.uncertainty_m += remaining.travel_m(index);
-            }
-            remaining.hold(index, state.command());
-        }
-        self.counted_to = tick + 1;
-    }
-}
-
-/// Skipped periods that are counted one by one.
-const SILENT_PERIODS_MAX: u64 = 256;
 
 impl<C: Clock> ControlLoop<C> {
     /// Runs until a stop is asked for or the last period is over; returns why.
@@ -166,14 +80,22 @@ impl<C: Clock> ControlLoop<C> {
     }
 
     fn period(&mut self, tick: u64, skipped_periods: u64, woken_ns: u64) {
-        let (header, on_time) = self.duty(tick, skipped_periods, woken_ns);
+        let (header, sent) = self.duty(tick, skipped_periods, woken_ns);
+        if let Some(sent) = &sent {
+            self.commit(sent);
+        }
         self.prepare();
-        self.record(&header, on_time);
+        self.record(&header, sent.is_some());
     }
 
-    /// Steps 2 to 4, and what the record says of them: its head, and whether the commands went out.
+    /// Steps 2 to 4; what the record says of them, and the head of the commands if they went out.
     #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
-    fn duty(&mut self, tick: u64, skipped_periods: u64, woken_ns: u64) -> (TelemetryHeader, bool) {
+    fn duty(
+        &mut self,
+        tick: u64,
+        skipped_periods: u64,
+        woken_ns: u64,
+    ) -> (TelemetryHeader, Option<CommandHeader>) {
         let release_ns = self.schedule.release_ns(tick);
         self.observe(tick, Instant { epoch: self.epoch, release_ns, now_ns: woken_ns });
         self.publish_states(tick, release_ns, woken_ns);
@@ -183,7 +105,7 @@ impl<C: Clock> ControlLoop<C> {
         let deadline_ns = self.schedule.deadline_ns(tick);
         self.wait_for_workers(tick, deadline_ns);
         self.collect(tick);
-        let on_time = self.publish_commands(tick, woken_ns);
+        let sent = self.publish_commands(tick, woken_ns);
         let answered_ns = self.clock.now_ns();
 
         let header = TelemetryHeader {
@@ -200,7 +122,7 @@ impl<C: Clock> ControlLoop<C> {
             lost_records: self.records.lost(),
             ..TelemetryHeader::default()
         };
-        (header, on_time)
+        (header, sent)
     }
 
     /// Returns at the deadline, or when every worker is done if that is what is waited for.
@@ -220,27 +142,16 @@ impl<C: Clock> ControlLoop<C> {
 
     /// The state at `t_k`: poses from the source, and the commands that are really in force.
     fn observe(&mut self, tick: u64, instant: Instant) {
-        let memory = &mut self.memory;
-        let in_force = memory.committed == Some(tick);
-        let answers = memory.commands.iter().zip(&memory.intents);
-        for (state, (command, intent)) in memory.states.iter_mut().zip(answers) {
-            state.set_command(if in_force { command.command() } else { Command::STOP });
-            state.intent = if in_force { *intent } else { resting(intent) };
+        if self.memory.committed != Some(tick) {
+            self.memory.stand();
         }
-        self.source.observe(instant, &self.clock, &mut memory.states);
+        self.source.observe(instant, &self.clock, &mut self.memory.states);
         // Who is added has to keep clear of what others still travel.
         self.memory.count_travel(tick);
         self.carry_out(tick, instant.now_ns);
-        let held = self.memory.hold;
-        for state in &mut self.memory.states {
-            let arrived = (state.position_m() - state.goal_m()).norm() <= self.tolerance_m;
-            let there = arrived && state.has(state_flags::VALID);
-            state.flags &= !(state_flags::ARRIVED | state_flags::PAUSED | state_flags::STOPPED);
-            state.flags |= if there { state_flags::ARRIVED } else { 0 };
-            state.flags |= if state.has(state_flags::VACANT) { 0 } else { held };
-        }
     }
 
+    /// Says of every robot whether it has arrived and is held, and publishes the state.
     fn publish_states(&mut self, tick: u64, release_ns: u64, stamp_ns: u64) {
         let header = StateHeader {
             epoch: self.epoch,
@@ -250,11 +161,22 @@ impl<C: Clock> ControlLoop<C> {
             period_ns: self.schedule.period_ns(),
             ..StateHeader::default()
         };
-        let states = &self.memory.states;
-        let sent = self.states.publish(|head, robots| {
-            *head = header;
-            robots.copy_from_slice(states);
+        let (tolerance_m, held) = (self.tolerance_m, self.memory.hold);
+        let LoopMemory { states, told, .. } = &mut self.memory;
+        let sent = self.states.publish_in_blocks(&header, |first, block| {
+            let own = states.iter_mut().skip(first).zip(told.iter_mut().skip(first));
+            for (record, (state, told)) in block.iter_mut().zip(own) {
+                mark(state, tolerance_m, held);
+                *record = *state;
+                *told = Told::from(&*state);
+            }
         });
+        if let Err(ChannelError::NotLoaned { .. }) = sent {
+            for (state, told) in states.iter_mut().zip(told) {
+                mark(state, tolerance_m, held);
+                *told = Told::from(&*state);
+            }
+        }
         self.memory.send_failures += u64::from(sent.is_err());
     }
 
@@ -264,20 +186,21 @@ impl<C: Clock> ControlLoop<C> {
         let missing = if corrupt { StopReason::Corrupt } else { StopReason::Deadline };
         let struck = self.board.is_struck(tick);
         let answers = memory.commands.iter_mut().zip(&mut memory.intents);
-        for (index, (state, (command, intent))) in memory.states.iter().zip(answers).enumerate() {
+        for (index, (told, (command, intent))) in memory.told.iter().zip(answers).enumerate() {
+            self.board.staging.expect(index + COLLECT_AHEAD);
             let staged = self.board.staging.take(index, tick).filter(|_| !struck);
-            (*command, *intent) = answer(state, staged, missing, &self.limits, intent);
+            (*command, *intent) = answer(*told, staged, missing, &self.limits, intent);
         }
     }
 
-    /// Publishes the commands that act in the period after `tick`, unless that has begun; whether they
+    /// Publishes the commands that act in the period after `tick`, unless that has begun; their head if they
     /// went out.
-    fn publish_commands(&mut self, tick: u64, state_stamp_ns: u64) -> bool {
+    fn publish_commands(&mut self, tick: u64, state_stamp_ns: u64) -> Option<CommandHeader> {
         let stamp_ns = self.clock.now_ns();
         let valid_from_ns = self.schedule.release_ns(tick + 1);
         if stamp_ns >= valid_from_ns {
             self.memory.committed = None;
-            return false;
+            return None;
         }
         self.send_commands(&CommandHeader {
             epoch: self.epoch,
@@ -294,7 +217,7 @@ impl<C: Clock> ControlLoop<C> {
     fn publish_start(&mut self) {
         let first = self.schedule.first_tick();
         let stamp_ns = self.clock.now_ns();
-        self.send_commands(&CommandHeader {
+        let sent = self.send_commands(&CommandHeader {
             epoch: self.epoch,
             tick: first,
             stamp_ns,
@@ -303,7 +226,11 @@ impl<C: Clock> ControlLoop<C> {
             valid_until_ns: self.schedule.release_ns(first + 1),
             ..CommandHeader::default()
         });
+        if let Some(sent) = &sent {
+            self.commit(sent);
+        }
         self.prepare();
+        self.memory.carry_on(None);
     }
 
     /// A last command that acts at once and stops everybody.
@@ -314,7 +241,7 @@ impl<C: Clock> ControlLoop<C> {
             }
         }
         let stamp_ns = self.clock.now_ns();
-        self.send_commands(&CommandHeader {
+        let sent = self.send_commands(&CommandHeader {
             epoch: self.epoch,
             tick: tick.saturating_add(1),
             stamp_ns,
@@ -323,27 +250,36 @@ impl<C: Clock> ControlLoop<C> {
             valid_until_ns: stamp_ns.saturating_add(self.schedule.period_ns()),
             ..CommandHeader::default()
         });
+        if let Some(sent) = &sent {
+            self.commit(sent);
+        }
     }
 
-    /// Sends the commands; whether they went out.
-    fn send_commands(&mut self, header: &CommandHeader) -> bool {
+    /// Sends the commands; their head if they went out.
+    fn send_commands(&mut self, header: &CommandHeader) -> Option<CommandHeader> {
         let memory = &mut self.memory;
-        let header = &CommandHeader { follows: memory.sent.unwrap_or(header.tick), ..*header };
+        let header = CommandHeader { follows: memory.sent.unwrap_or(header.tick), ..*header };
         let commands = &memory.commands;
-        let sent = self.commands.publish(|head, robots| {
-            *head = *header;
-            robots.copy_from_slice(commands);
+        let sent = self.commands.publish_in_blocks(&header, |first, block| {
+            for (record, command) in block.iter_mut().zip(commands.iter().skip(first)) {
+                *record = *command;
+            }
         });
         memory.send_failures += u64::from(sent.is_err());
         if let Err(ChannelError::NotLoaned { .. }) = sent {
             memory.committed = None;
-            return false;
+            return None;
         }
         // A reader that could not be reached leaves the others theirs.
         memory.committed = Some(header.tick);
         memory.sent = Some(header.tick);
-        self.source.commit(header, commands, header.stamp_ns);
-        true
+        Some(header)
+    }
+
+    /// Tells the source what went out.
+    #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
+    fn commit(&mut self, sent: &CommandHeader) {
+        self.source.commit(sent, &self.memory.commands, sent.stamp_ns);
     }
 
     /// Takes the memory of the next samples: the two allocations of a period.
@@ -354,15 +290,31 @@ impl<C: Clock> ControlLoop<C> {
     }
 
     #[cfg_attr(clearway_rtsan, sanitize(realtime = "nonblocking"))]
-    fn record(&self, header: &TelemetryHeader, published: bool) {
-        let memory = &self.memory;
-        self.records.write(|record| {
+    fn record(&mut self, header: &TelemetryHeader, published: bool) {
+        let (memory, rejections) = (&mut self.memory, self.source.rejections());
+        let recorded = self.records.write(|record| {
             record.header = *header;
-            record.states.copy_from_slice(&memory.states);
             record.commands.copy_from_slice(&memory.commands);
             record.published = published;
             record.send_failures = memory.send_failures;
-            record.rejections = self.source.rejections();
+            record.rejections = rejections;
+            memory.carry_on(Some(&mut record.states));
         });
+        if !recorded {
+            self.memory.carry_on(None);
+        }
     }
+}
+
+/// Answers that are asked for ahead of the one that is taken.
+const COLLECT_AHEAD: usize = 16;
+
+/// Says whether a robot has arrived, and is `held`.
+#[inline]
+fn mark(state: &mut RobotState, tolerance_m: f64, held: u32) {
+    let arrived = (state.position_m() - state.goal_m()).norm() <= tolerance_m;
+    let there = arrived && state.has(state_flags::VALID);
+    state.flags &= !(state_flags::ARRIVED | state_flags::PAUSED | state_flags::STOPPED);
+    state.flags |= if there { state_flags::ARRIVED } else { 0 };
+    state.flags |= if state.has(state_flags::VACANT) { 0 } else { held };
 }

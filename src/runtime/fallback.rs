@@ -3,38 +3,58 @@
 use crate::model::{Limits, RobotId};
 use crate::wire::{RobotCommand, RobotIntent, RobotState, StopReason, state_flags};
 
-/// The command and the intent of the robot in `state`.
+/// What the loop has to know of a robot to answer it: the head of its state.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Told {
+    id: u32,
+    flags: u32,
+}
+
+impl Told {
+    fn has(self, flags: u32) -> bool {
+        self.flags & flags == flags
+    }
+}
+
+impl From<&RobotState> for Told {
+    fn from(state: &RobotState) -> Self {
+        Self { id: state.id, flags: state.flags }
+    }
+}
+
+/// The command and the intent of the robot that was `told`.
 ///
 /// `staged` goes out if the robot may be driven, has a state that is trusted, and is to drive within
 /// `limits`; otherwise a stop does, and why: nobody to be driven before orders, orders before a missing
 /// state, that before `missing`, which is said when nothing was staged. A robot whose command is not the
 /// one that its worker chose rests, and means what it meant `before`.
 pub(super) fn answer(
-    state: &RobotState,
+    told: Told,
     staged: Option<(RobotCommand, RobotIntent)>,
     missing: StopReason,
     limits: &Limits,
     before: &RobotIntent,
 ) -> (RobotCommand, RobotIntent) {
-    let stop = |reason| RobotCommand::stop(RobotId(state.id), reason);
+    let stop = |reason| RobotCommand::stop(RobotId(told.id), reason);
     let command = match staged {
-        _ if state.has(state_flags::VACANT) => stop(StopReason::Vacant),
-        _ if state.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
-        _ if state.has(state_flags::STOPPED) => stop(StopReason::Stopped),
-        _ if state.has(state_flags::PAUSED) => stop(StopReason::Paused),
-        _ if !state.has(state_flags::VALID) => stop(StopReason::NoState),
-        _ if state.has(state_flags::OUT_OF_STEP) => stop(StopReason::OutOfStep),
+        _ if told.has(state_flags::VACANT) => stop(StopReason::Vacant),
+        _ if told.has(state_flags::FOREIGN) => stop(StopReason::Foreign),
+        _ if told.has(state_flags::STOPPED) => stop(StopReason::Stopped),
+        _ if told.has(state_flags::PAUSED) => stop(StopReason::Paused),
+        _ if !told.has(state_flags::VALID) => stop(StopReason::NoState),
+        _ if told.has(state_flags::OUT_OF_STEP) => stop(StopReason::OutOfStep),
         None => stop(missing),
         Some((staged, _)) if staged.stop_reason != 0 => {
-            RobotCommand { id: state.id, v_mps: 0.0, omega_radps: 0.0, ..staged }
+            RobotCommand { id: told.id, v_mps: 0.0, omega_radps: 0.0, ..staged }
         }
-        Some((staged, _)) if limits.admits(staged.command()) => RobotCommand { id: state.id, ..staged },
+        Some((staged, _)) if limits.admits(staged.command()) => RobotCommand { id: told.id, ..staged },
         Some(_) => stop(StopReason::Unverified),
     };
     let intent = match staged {
         Some((staged, meant))
-            if state.has(state_flags::VALID)
-                && !state.is_held()
+            if told.has(state_flags::VALID)
+                && !told.has(state_flags::PAUSED)
+                && !told.has(state_flags::STOPPED)
                 && staged.stop_reason == command.stop_reason =>
         {
             meant
@@ -79,7 +99,7 @@ mod tests {
     }
 
     fn answered(flags: u32, staged: Option<(RobotCommand, RobotIntent)>) -> (RobotCommand, RobotIntent) {
-        answer(&state(flags), staged, StopReason::Deadline, &Limits::default(), &intent(1.0))
+        answer((&state(flags)).into(), staged, StopReason::Deadline, &Limits::default(), &intent(1.0))
     }
 
     #[test]
@@ -105,7 +125,8 @@ mod tests {
             }
         }
         for missing in [StopReason::Deadline, StopReason::Corrupt] {
-            let (command, rests) = answer(&state(VALID), None, missing, &Limits::default(), &intent(1.0));
+            let (command, rests) =
+                answer((&state(VALID)).into(), None, missing, &Limits::default(), &intent(1.0));
             assert_eq!(command, RobotCommand::stop(RobotId(4), missing));
             assert_eq!(rests, resting(&intent(1.0)));
         }

@@ -37,6 +37,7 @@ mod forecast;
 mod heartbeat;
 mod housekeeping;
 mod keeping;
+mod loop_memory;
 mod progress;
 mod regions;
 mod room;

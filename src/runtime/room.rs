@@ -70,7 +70,7 @@ impl Room {
 mod tests {
     use super::*;
     use crate::model::Disturbance;
-    use crate::runtime::control_loop::LoopMemory;
+    use crate::runtime::loop_memory::LoopMemory;
     use crate::scenario::Scenario;
     use crate::wire::StopReason;
 

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use super::Until;
 use super::board::Board;
-use super::control_loop::{ControlLoop, LoopMemory};
+use super::control_loop::ControlLoop;
 use super::decider::Decider;
 use super::desk::Desk;
 use super::error::DaemonError;
-
+use super::loop_memory::LoopMemory;
 use super::supervisor::Supervisor;
 use super::worker::Worker;
 use crate::channel::Transport;

@@ -8,12 +8,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::admin::{self, Admin};
 use super::board::{Board, Released};
-use super::control_loop::{ControlLoop, LoopMemory};
+use super::control_loop::ControlLoop;
 use super::decider::Decider;
 use super::desk::Desk;
 use super::error::DaemonError;
 use super::findings::Findings;
 use super::housekeeping::Housekeeper;
+use super::loop_memory::LoopMemory;
 use super::progress::Progress;
 use super::starting::shares;
 use super::statistics::Statistics;

@@ -35,6 +35,9 @@ macro_rules! header {
 
 header!(CheckpointHeader, CommandHeader, ObservationHeader, StateHeader, TelemetryHeader);
 
+/// Bytes that are filled and summed up at a time: they and what they come from stay in the first cache.
+const BLOCK_BYTES: usize = 16 << 10;
+
 /// Proves that a sample is what its writer wrote, on the channel that it is read from.
 ///
 /// The checksum is CRC-32 (IEEE 802.3; `crc32` of zlib) of the channel's full name, the bytes of the
@@ -57,12 +60,36 @@ impl Seal {
 
     /// The checksum of a sample. What stands in the header's own checksum does not count.
     pub fn checksum<H: Header, R: Pod>(self, header: &H, records: &[R]) -> u32 {
+        let mut crc = self.begin(header);
+        crc.update(cast_slice(records));
+        crc.finalize()
+    }
+
+    /// The sum over the header.
+    fn begin<H: Header>(self, header: &H) -> Hasher {
         let head = bytes_of(header);
         let covered = head.len() - size_of::<u32>();
         let mut crc = Hasher::new_with_initial(self.seed);
         crc.update(&head[..covered]);
-        crc.update(cast_slice(records));
-        crc.finalize()
+        crc
+    }
+
+    /// Lets `fill` write the records, a few at a time from the given one on, and completes the header; what is
+    /// covered is still near when it is summed up.
+    pub fn put_in_blocks<H: Header, R: Pod>(
+        self,
+        header: &mut H,
+        records: &mut [R],
+        mut fill: impl FnMut(usize, &mut [R]),
+    ) {
+        header.set(count(records), 0);
+        let mut crc = self.begin(header);
+        let block = (BLOCK_BYTES / size_of::<R>().max(1)).max(1);
+        for (index, block_of) in records.chunks_mut(block).enumerate() {
+            fill(index * block, block_of);
+            crc.update(cast_slice(block_of));
+        }
+        header.set(count(records), crc.finalize());
     }
 
     /// Completes a header.
@@ -139,6 +166,26 @@ mod tests {
                 let bytes = cast_slice_mut::<RobotState, u8>(&mut records);
                 (bytes[at], bytes[at + 1]) = (bytes[at] ^ low, bytes[at + 1] ^ high);
             }
+        }
+    }
+
+    /// Sizes around those of a block.
+    #[test]
+    fn what_is_filled_in_blocks_is_sealed_as_a_whole() {
+        let (seal, per_block) = (Seal::of(NAME), BLOCK_BYTES / size_of::<RobotCommand>());
+        let filled = |n: u32| RobotCommand { id: n, v_mps: f64::from(n), ..RobotCommand::default() };
+        for robots in [0, 1, per_block - 1, per_block, per_block + 1, 3 * per_block + 7] {
+            let mut records = vec![RobotCommand::default(); robots];
+            let mut header = CommandHeader { tick: 5, checksum: 9, records: 3, ..CommandHeader::default() };
+            seal.put_in_blocks(&mut header, &mut records, |first, block| {
+                let first = u32::try_from(first).unwrap();
+                (first..).zip(block).for_each(|(n, record)| *record = filled(n));
+            });
+            let whole: Vec<_> = (0..u32::try_from(robots).unwrap()).map(filled).collect();
+            assert_eq!(records, whole);
+            let mut expected = CommandHeader { tick: 5, ..CommandHeader::default() };
+            seal.put(&mut expected, &whole);
+            assert_eq!(header, expected);
         }
     }
 

@@ -11,6 +11,8 @@ const BLOCK_BYTES: usize = 64 << 20;
 const COPIES: usize = 8;
 /// A slot of a staged command, padded to its own cache lines.
 const SLOT_BYTES: usize = 128;
+/// A robot's id and flags, which the loop keeps beside the states.
+const HEAD_BYTES: usize = 8;
 
 /// Bytes a second that `threads` copy together, reads and writes both counted, as in STREAM's copy.
 pub(super) fn copy_bytes_per_s(threads: usize) -> f64 {
@@ -43,8 +45,8 @@ pub(super) fn step_bytes(workers: usize) -> usize {
     // Its owner: prediction and memory read, memory written (about a checkpoint), the answer staged, the
     // record for telemetry written.
     let owner = state + 3 * size_of::<RobotCheckpoint>() + 2 * SLOT_BYTES + 2 * size_of::<RobotTelemetry>();
-    // The loop: slot and state read, command and intent written, command read and published.
-    let collecting = SLOT_BYTES + state + command + intent + 2 * command;
+    // The loop: slot and the head of the state read, command and intent written, command read and published.
+    let collecting = SLOT_BYTES + HEAD_BYTES + command + intent + 2 * command;
     workers * every_worker + owner + collecting
 }
 
