@@ -217,7 +217,7 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
 /// Memory that the records of large fleets may take.
 const RECORDS_BYTES: usize = 256 << 20;
 /// Records that telemetry keeps however large the fleet is.
-const RECORDS_MIN: usize = 4;
+const RECORDS_MIN: usize = 6;
 /// Periods beyond these that housekeeping holds.
 const HELD_BESIDE: usize = 1;
 
