@@ -60,7 +60,7 @@ pub enum Timing {
 names!(Timing { LogicalExecutionTime => "let", Ideal => "ideal" });
 
 /// What goes out for one robot.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Decision {
     /// A verified command, or a stop and its reason.
     pub command: RobotCommand,
@@ -251,7 +251,7 @@ impl RobotGroup {
             return;
         }
         // One robot's step begins where that of the one before ended.
-        let mut clock = robot::now_ns();
+        let (mut clock, mut decision) = (robot::now_ns(), Decision::default());
         let together = |part: Range<usize>| {
             part.clone().step_by(TOGETHER).map(move |first| first..part.end.min(first + TOGETHER))
         };
@@ -268,7 +268,7 @@ impl RobotGroup {
                 let Some(held) = held else { continue };
                 held.answer(tick, |robot| {
                     remember(robot.index(), &Remembered(robot));
-                    let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
+                    robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock, &mut decision);
                     each(robot.index(), &decision);
                 });
             }
@@ -325,9 +325,9 @@ impl RobotGroup {
         if !self.prepare(fleet, timing) {
             return;
         }
-        let mut clock = robot::now_ns();
+        let (mut clock, mut decision) = (robot::now_ns(), Decision::default());
         for robot in &mut self.owned {
-            let decision = robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock);
+            robot.decide(&self.law, &self.predicted, &mut self.workspace, &mut clock, &mut decision);
             each(robot.index(), &decision, &self.workspace.programme);
         }
     }

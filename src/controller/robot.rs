@@ -193,17 +193,20 @@ impl RobotController {
         true
     }
 
-    /// The whole step for one period, begun at `clock`, which afterwards says when it ended.
+    /// The whole step for one period, begun at `clock`, which afterwards says when it ended. What is decided is written
+    /// into `decision` part by part: what was written elsewhere first would wait there to be copied.
     pub(super) fn decide(
         &mut self,
         law: &Law,
         fleet: &[RobotState],
         work: &mut Workspace,
         clock: &mut u64,
-    ) -> Decision {
+        decision: &mut Decision,
+    ) {
         let own = &fleet[self.index];
         let current = self.follow(law, own, work.shelf.as_deref());
-        let mut telemetry =
+        let telemetry = &mut decision.telemetry;
+        *telemetry =
             RobotTelemetry { id: self.id.0, clearance_m: f64::INFINITY, ..RobotTelemetry::default() };
         let command = if let Some(reason) = stands(own) {
             RobotCommand::stop(self.id, reason)
@@ -215,7 +218,7 @@ impl RobotController {
         } else if own.has(state_flags::OUT_OF_STEP) {
             RobotCommand::stop(self.id, StopReason::OutOfStep)
         } else {
-            match self.solve(law, fleet, work, &mut telemetry) {
+            match self.solve(law, fleet, work, telemetry) {
                 Ok(command) => RobotCommand::verified(self.id, command),
                 Err(reason) => RobotCommand::stop(self.id, reason),
             }
@@ -224,7 +227,7 @@ impl RobotController {
         (telemetry.v_mps, telemetry.omega_radps) = (command.v_mps, command.omega_radps);
         let ended = now_ns();
         telemetry.step_ns = ended.saturating_sub(std::mem::replace(clock, ended));
-        Decision { command, intent: self.last_intent, telemetry }
+        (decision.command, decision.intent) = (command, self.last_intent);
     }
 
     fn solve(
