@@ -182,3 +182,54 @@ impl Accumulator {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+    use crate::wire::{RobotState, state_flags};
+
+    /// Robots that drive anywhere, some of them foreign, one place free; several periods.
+    #[test]
+    fn the_minimum_and_the_violations_are_those_of_all_pairs() {
+        let mut random = 1_u64;
+        let mut next = |from: f64, to: f64| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            from + (to - from) * (random >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let scenario = Scenario::builtin("circle-50").unwrap();
+        let margin_m = scenario.limits.safety_margin_m;
+        for (spread_m, speed_mps) in [(300.0, 5.0), (60.0, 0.0), (25.0, 5.0), (8.0, 1.0), (2.0, 5.0)] {
+            let mut figures = Accumulator::new(&scenario, 0.08);
+            let mut fleet: Vec<RobotState> = scenario.robots.iter().map(RobotState::at_start).collect();
+            let (mut smallest_m, mut violated) = (f64::INFINITY, std::collections::BTreeSet::new());
+            for tick in 0..6 {
+                for (n, state) in fleet.iter_mut().enumerate() {
+                    (state.x_m, state.y_m) = (next(-spread_m, spread_m), next(-spread_m, spread_m));
+                    state.theta_rad = next(-3.1, 3.1);
+                    (state.v_mps, state.omega_radps) = (next(0.0, 1.0) * speed_mps, next(-1.0, 1.0));
+                    state.radius_m = next(0.1, 0.4);
+                    state.flags = [state_flags::VALID, state_flags::FOREIGN][usize::from(n % 9 == 4)];
+                    state.flags |= if n == 7 { state_flags::VACANT } else { 0 };
+                }
+                figures.observe_period(tick, &fleet);
+                let bodies = &figures.bodies;
+                for (i, j) in (0..fleet.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+                    let (a, b) = (bodies[i], bodies[j]);
+                    if a.present && b.present && !(a.foreign && b.foreign) {
+                        let required_m = margin_m + a.radius_m + b.radius_m;
+                        let apart = min_distance_arcs(&fleet[i].arc(), &fleet[j].arc(), 0.08);
+                        let clearance_m = apart.upper_m - required_m;
+                        smallest_m = smallest_m.min(clearance_m);
+                        if clearance_m < VIOLATION_M {
+                            violated.insert((i, j));
+                        }
+                    }
+                }
+                assert_eq!(figures.min_clearance_m().to_bits(), smallest_m.to_bits(), "{spread_m} {tick}");
+                assert_eq!(figures.violated, violated, "{spread_m} {tick}");
+            }
+            assert!(violated.is_empty() == (spread_m > 100.0), "{spread_m}: {}", violated.len());
+        }
+    }
+}

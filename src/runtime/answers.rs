@@ -110,3 +110,48 @@ impl Answers {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+    use crate::wire::RobotTelemetry;
+
+    /// Two workers, two records each: one is read, one is held, one comes too late.
+    #[test]
+    fn records_are_held_until_their_period_is_done_with_and_then_given_back() {
+        let scenario = Scenario::builtin("swap8").unwrap();
+        let mut figures = Accumulator::new(&scenario, 0.08);
+        let mut statistics = Statistics::new(8, 0.08).unwrap();
+        let solves: Vec<_> = (0..2).map(|_| Arc::new(Pool::new(2, || SolveRecord::with_room(4)))).collect();
+        let leave = |worker: usize, tick: u64, flags: u32| {
+            solves[worker].write(|record| {
+                (record.tick, record.state_to_staged_ns) = (tick, 10 * tick + worker as u64);
+                record.robots.clear();
+                let telemetry = RobotTelemetry { flags, ..RobotTelemetry::default() };
+                record.robots.extend((4 * worker..4 * worker + 4).map(|index| (index, telemetry)));
+            })
+        };
+        let mut answers = Answers::new(2);
+        assert!(leave(0, 5, 0) && leave(1, 5, telemetry_flags::STALLED) && leave(0, 6, 0));
+        answers.drain(&solves, &mut figures, &mut statistics);
+        let known = |answers: &Answers, tick| {
+            let answered = answers.answered(tick);
+            (answered.known, answered.staged_ns, answers.of(tick).count())
+        };
+        assert_eq!([5, 6, 7].map(|tick| known(&answers, tick)), [(8, 51, 2), (4, 60, 1), (0, 0, 0)]);
+        assert_eq!(answers.stalled(5).collect::<Vec<_>>(), [4, 5, 6, 7]);
+        assert_eq!((answers.answered.as_slice(), answers.records), ([8, 4].as_slice(), 3));
+        // Both of the first worker's are away.
+        assert!(!leave(0, 7, 0));
+        answers.put_away(&solves, 5);
+        assert_eq!([5, 6].map(|tick| known(&answers, tick)), [(0, 0, 0), (4, 60, 1)]);
+        assert!(leave(0, 5, 0));
+        answers.drain(&solves, &mut figures, &mut statistics);
+        assert_eq!(known(&answers, 5), (0, 0, 0));
+        answers.put_away(&solves, 8);
+        for worker in 0..2 {
+            assert!(leave(worker, 9, 0) && leave(worker, 10, 0) && !leave(worker, 11, 0));
+        }
+    }
+}
