@@ -18,7 +18,9 @@ use super::keeping::{Keeper, Opened};
 use super::progress::Progress;
 use super::starting::{EndOnDrop, StopOnDrop, join_until, shares, spawn, wait};
 use super::supervisor::Supervisor;
-use super::threads::{Begin, Common, MakeSource, Outside, loop_thread, record_capacity, worker_thread};
+use super::threads::{
+    Begin, Common, HELD_BESIDE, MakeSource, Outside, loop_thread, record_capacity, worker_thread,
+};
 use crate::audit::{self, Auditor, Recorder};
 use crate::channel::Transport;
 use crate::clock::{Clock, MonotonicClock, SlowedClock};
@@ -277,7 +279,7 @@ impl Daemon {
         let make = Arc::new(make);
         let mut solves = Vec::new();
         for (index, owned) in shares(robots, places, placement.worker_cpus.len()).enumerate() {
-            let records = Arc::new(Pool::new(capacity, || {
+            let records = Arc::new(Pool::new(capacity + HELD_BESIDE, || {
                 SolveRecord::with_room(owned.len().max(common.board.regions.room()))
             }));
             solves.push(Arc::clone(&records));

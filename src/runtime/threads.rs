@@ -218,8 +218,9 @@ pub(super) fn worker_thread<D: Decider, E: std::fmt::Display>(
 const RECORDS_BYTES: usize = 256 << 20;
 /// Records that telemetry keeps however large the fleet is.
 const RECORDS_MIN: usize = 6;
-/// Periods beyond these that housekeeping holds.
-const HELD_BESIDE: usize = 1;
+/// Periods beyond these that are held: the last one that was read, and of the workers the one that runs. They take
+/// their records when it begins and the loop its own when it ends, and who has one shall have the others.
+pub(super) const HELD_BESIDE: usize = 1;
 
 /// What a place takes in each record: in the loop's, and in those of the workers, whose rooms together are
 /// half as many again as the places.

@@ -18,7 +18,7 @@ use super::loop_memory::LoopMemory;
 use super::progress::Progress;
 use super::starting::shares;
 use super::statistics::Statistics;
-use super::threads::{Begin, Common, record_capacity};
+use super::threads::{Begin, Common, HELD_BESIDE, record_capacity};
 use super::worker::{Shift, Worker};
 use super::{Counts, Until};
 use crate::channel::memory::Queue;
@@ -109,7 +109,7 @@ pub(crate) fn build<L: Clock, C: Clock + Clone, D: Decider>(
     let (mut hands, mut solves) = (Vec::new(), Vec::new());
     for (index, owned) in shares(robots, places, workers).enumerate() {
         let room = owned.len().max(board.regions.room());
-        let records = Arc::new(Pool::new(capacity, || SolveRecord::with_room(room)));
+        let records = Arc::new(Pool::new(capacity + HELD_BESIDE, || SolveRecord::with_room(room)));
         solves.push(Arc::clone(&records));
         let worker = Worker {
             index,
