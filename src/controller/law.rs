@@ -28,6 +28,7 @@ pub(super) struct Law {
     pub(super) decrease: Decrease,
     pub(super) heading: HeadingLaw,
     pub(super) guidance: guidance::Params,
+    pub(super) guided: guidance::Limits,
     pub(super) period_s: f64,
     /// From a state to the instant at which its answer acts, s.
     pub(super) ahead_s: f64,
@@ -70,6 +71,11 @@ impl Law {
             decrease,
             heading: HeadingLaw::new(period_s, scenario.limits.turn_rate_radps(), decrease),
             guidance: config.guidance,
+            guided: guidance::Limits {
+                v_max_mps: scenario.limits.v_max_mps,
+                omega_max_radps: scenario.limits.omega_max_radps.min(-scenario.limits.omega_min_radps),
+                period_s,
+            },
             period_s,
             ahead_s: 0.0,
             tolerance_m: scenario.tolerance_m,

@@ -358,16 +358,11 @@ impl RobotController {
             omega_radps: own.omega_radps,
             arrived,
         };
-        let limits = guidance::Limits {
-            v_max_mps: law.limits.v_max_mps,
-            omega_max_radps: law.limits.omega_max_radps.min(-law.limits.omega_min_radps),
-            period_s: law.period_s,
-        };
         let guidance = guidance::guide(
             &ego,
             &shown,
             &self.near_views,
-            &limits,
+            &law.guided,
             &law.guidance,
             predictions,
             &mut self.memory,

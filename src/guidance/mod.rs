@@ -94,13 +94,15 @@ pub fn guide(
 
     let touching = if memory.progress.still_s > params.slide_after_s { neighbours.len() } else { 0 };
     let (heading_rad, direction) = contact::slide(ego, &drive, neighbours.iter().take(touching), obstacles);
-    memory.intent = Intent {
+    let intent = Intent {
         heading_rad,
         speed_mps: drive.intent_speed_mps,
+        target_m: memory.intent.target_m,
         blocked_s: if memory.ask_s > 0.0 { ask::ASKING_S } else { memory.progress.blocked_s },
         rank: memory.way.rank,
-        ..memory.intent
     };
+    // Not read back: what has been written number by number is not there yet for who reads several.
+    memory.intent = intent;
     let beta_rad = wrap(heading_rad - bearing);
     Guidance {
         // The spot to give way at is no target: V has nothing to say about it, only the direction counts.
@@ -108,7 +110,7 @@ pub fn guide(
             + direction * if spot.is_some() { limits.v_max_mps } else { to_target.norm() },
         speed_cap_mps: drive.speed_cap_mps,
         beta_rad,
-        intent: memory.intent,
+        intent,
         stalled: memory.progress.blocked_s > STALLED_S,
         leave_goal: spot.is_some(),
     }
