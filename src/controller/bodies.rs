@@ -1,7 +1,6 @@
 //! The bodies that one robot has to keep away from, and what is left of the way to each.
 
 use super::Law;
-use crate::certificate::barrier::activation_m;
 use crate::certificate::robust::Reach;
 use crate::geometry::{Vec2, unit};
 use crate::model::Obstacle;
@@ -90,9 +89,6 @@ struct Looking<'a> {
     here: Vec2,
     /// Speed bounds of those that are not ours, by index; none where nobody is.
     foreign_speed_mps: &'a [Option<f64>],
-    /// Where a row with half or with all of the gap begins to bind, beyond what it requires, m.
-    half_m: f64,
-    whole_m: f64,
     disturbed: Option<Disturbed>,
 }
 
@@ -106,18 +102,12 @@ struct Disturbed {
 
 impl<'a> Looking<'a> {
     fn new(law: &'a Law, own: &'a RobotState) -> Self {
-        // The smaller rate reaches further: one sweep serves both kinds of rows.
-        let rate = law.control.gamma.min(law.control.comfort_gamma);
-        let speed_mps = law.limits.speed_mps() * (1.0 + law.spread());
-        let binds_m = |share: f64| activation_m(0.0, speed_mps, law.period_s, rate, share);
         Self {
             law,
             own,
             here: own.position_m(),
             foreign_speed_mps: if law.strangers.is_empty() { &[] } else { &law.foreign_speed_mps },
-            half_m: binds_m(0.5),
-            whole_m: binds_m(1.0),
-            disturbed: law.margin.map(|margin| Disturbed {
+            disturbed: law.margin.as_ref().map(|margin| Disturbed {
                 ahead: unit(own.theta_rad),
                 reach: law.reach(own),
                 extent_m: 2.0 * margin.extent_max_m(),
@@ -142,16 +132,16 @@ impl<'a> Looking<'a> {
     }
 
     fn at_robot(&self, n: &Nearby, other: &RobotState) -> Option<Body> {
-        let law = self.law;
+        let (law, [half_m, whole_m]) = (self.law, self.law.binds_m);
         // What it may move beyond what is known, and our share of what that leaves: one that is not ours
         // uses up what it can reach until the command has acted, and leaves us the whole rest.
         let (unknown_m, share, beyond_m) = match self.foreign_speed_mps.get(n.index) {
-            Some(Some(speed_mps)) => (other.uncertainty_m + law.foreign_s * speed_mps, 1.0, self.whole_m),
-            _ if other.has(state_flags::VALID) => (0.0, 0.5, self.half_m),
+            Some(Some(speed_mps)) => (other.uncertainty_m + law.foreign_s * speed_mps, 1.0, whole_m),
+            _ if other.has(state_flags::VALID) => (0.0, 0.5, half_m),
             // It drives on under the command in force, or stands anywhere on the way since it was seen.
             _ => {
                 let way_m = other.uncertainty_m + other.v_mps.abs() * law.period_s * (1.0 + law.spread());
-                (law.untrusted_m.max(way_m) + law.lost_m, 0.5, self.half_m)
+                (law.untrusted_m.max(way_m) + law.lost_m, 0.5, half_m)
             }
         };
         let required_m = law.limits.safety_margin_m + self.own.radius_m + other.radius_m + unknown_m;
@@ -170,7 +160,7 @@ impl<'a> Looking<'a> {
     }
 
     fn at_way(&self, other: &RobotState) -> [Option<Body>; 2] {
-        let (law, here) = (self.law, self.here);
+        let (law, here, [_, whole_m]) = (self.law, self.here, self.law.binds_m);
         let (way, stray_m) = (law.way(other), law.stray_m(other));
         let required_m = law.limits.safety_margin_m + self.own.radius_m + other.radius_m + stray_m;
         let body = |point: Vec2, beyond_m: f64, (touches, bends): (bool, bool)| {
@@ -189,7 +179,7 @@ impl<'a> Looking<'a> {
         };
         let bow_m = way.bow_m();
         let nearest = way.closest_point(here);
-        if (here - nearest).norm() > self.range_m(required_m + bow_m, self.whole_m) {
+        if (here - nearest).norm() > self.range_m(required_m + bow_m, whole_m) {
             return [None, None];
         }
         let next = body(nearest, bow_m, (false, false));
@@ -204,10 +194,11 @@ impl<'a> Looking<'a> {
     }
 
     fn at_obstacle(&self, obstacle: &Obstacle) -> Option<Body> {
+        let [_, whole_m] = self.law.binds_m;
         let required_m = self.law.limits.safety_margin_m + self.own.radius_m + obstacle.reach_m();
         let offset = self.here - obstacle.closest_core_point(self.here);
         let distance_m = offset.norm();
-        (distance_m <= self.range_m(required_m, self.whole_m)).then(|| {
+        (distance_m <= self.range_m(required_m, whole_m)).then(|| {
             let normal = away(offset, distance_m, 0, 1);
             let (doubt_m, extent_m) = self.doubt_m(normal, None);
             Body {

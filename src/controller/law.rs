@@ -40,6 +40,8 @@ pub(super) struct Law {
     pub(super) bounds: Option<Disturbance>,
     /// What they make of the rows, with this period's timing.
     pub(super) margin: Option<Margin>,
+    /// Where a row that leaves half of the gap, or all of it, begins to bind, beyond what it requires, m.
+    pub(super) binds_m: [f64; 2],
     /// Age from which on an observation is not trusted, s.
     pub(super) max_age_s: f64,
     /// Time for which a foreign robot moves while a command of ours may, from its state on, s.
@@ -82,6 +84,7 @@ impl Law {
             obstacles: scenario.obstacles.clone(),
             bounds: (!config.robust.is_none()).then_some(config.robust),
             margin: None,
+            binds_m: [0.0; 2],
             max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
             foreign_s: 0.0,
             untrusted_m: 0.0,
@@ -111,6 +114,10 @@ impl Law {
         self.ahead_s = ahead_s;
         self.margin = self.bounds.map(|b| Margin::new(b, &self.limits, self.period_s, ahead_s));
         self.foreign_s = foreign_periods * self.period_s + self.margin.map_or(0.0, |m| m.rest_s());
+        // The smaller rate reaches further: one look serves both kinds of rows.
+        let rate = self.control.gamma.min(self.control.comfort_gamma);
+        let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
+        self.binds_m = [0.5, 1.0].map(|share| activation_m(0.0, speed_mps, self.period_s, rate, share));
         let silent_s = self.max_age_s + UNTRUSTED_PERIODS * self.period_s;
         self.untrusted_m = UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
