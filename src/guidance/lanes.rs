@@ -66,20 +66,34 @@ pub(super) fn most(a: f32, b: f32) -> f32 {
 }
 
 impl Area {
-    /// The least that holds all of these places.
+    /// The least that holds the places of the lanes that are `alive`.
     #[inline(always)]
-    pub(super) fn around(x: &Wide, y: &Wide) -> Self {
+    pub(super) fn around(x: &Wide, y: &Wide, alive: u32) -> Self {
+        let (mut low_x, mut low_y, mut high_x, mut high_y) = (*x, *y, *x, *y);
+        for lane in 0..WIDTH {
+            let gone = alive & (1 << lane) == 0;
+            low_x[lane] = if gone { f32::INFINITY } else { x[lane] };
+            low_y[lane] = if gone { f32::INFINITY } else { y[lane] };
+            high_x[lane] = if gone { f32::NEG_INFINITY } else { x[lane] };
+            high_y[lane] = if gone { f32::NEG_INFINITY } else { y[lane] };
+        }
         #[cfg(target_arch = "x86_64")]
         {
             use std::arch::x86_64::{
                 __m128, _mm_max_ps, _mm_min_ps, _mm_movehl_ps, _mm_unpackhi_ps, _mm_unpacklo_ps,
             };
-            let (x, y): ([__m128; 4], [__m128; 4]) = (bytemuck::cast(*x), bytemuck::cast(*y));
+            let [low_x, low_y, high_x, high_y]: [[__m128; 4]; 4] = [
+                bytemuck::cast(low_x),
+                bytemuck::cast(low_y),
+                bytemuck::cast(high_x),
+                bytemuck::cast(high_y),
+            ];
             // SAFETY: every such processor has SSE.
             let (min, max) = unsafe {
                 let low = |[a, b, c, d]: [__m128; 4]| _mm_min_ps(_mm_min_ps(a, b), _mm_min_ps(c, d));
                 let high = |[a, b, c, d]: [__m128; 4]| _mm_max_ps(_mm_max_ps(a, b), _mm_max_ps(c, d));
-                let ((min_x, min_y), (max_x, max_y)) = ((low(x), low(y)), (high(x), high(y)));
+                let ((min_x, min_y), (max_x, max_y)) =
+                    ((low(low_x), low(low_y)), (high(high_x), high(high_y)));
                 let min = _mm_min_ps(_mm_unpacklo_ps(min_x, min_y), _mm_unpackhi_ps(min_x, min_y));
                 let max = _mm_max_ps(_mm_unpacklo_ps(max_x, max_y), _mm_unpackhi_ps(max_x, max_y));
                 (_mm_min_ps(min, _mm_movehl_ps(min, min)), _mm_max_ps(max, _mm_movehl_ps(max, max)))
@@ -90,10 +104,10 @@ impl Area {
         }
         #[cfg(not(target_arch = "x86_64"))]
         Self {
-            min_x: x.iter().copied().fold(x[0], least),
-            min_y: y.iter().copied().fold(y[0], least),
-            max_x: x.iter().copied().fold(x[0], most),
-            max_y: y.iter().copied().fold(y[0], most),
+            min_x: low_x.iter().copied().fold(low_x[0], least),
+            min_y: low_y.iter().copied().fold(low_y[0], least),
+            max_x: high_x.iter().copied().fold(high_x[0], most),
+            max_y: high_y.iter().copied().fold(high_y[0], most),
         }
     }
 }
@@ -124,54 +138,25 @@ pub(super) fn columns(rows: [[f32; 4]; 4]) -> [[f32; 4]; 4] {
 
 /// Where the candidates of a row are, their headings, and how far it is from there to the target.
 #[derive(Clone, Copy)]
+#[repr(align(64))]
 pub(super) struct Motion {
     pub(super) x: Wide,
     pub(super) y: Wide,
     pub(super) hx: Wide,
     pub(super) hy: Wide,
     pub(super) left: Wide,
-}
-
-impl Motion {
-    /// The lanes that are not `alive` are as the first that is.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn joined(mut self, alive: u32) -> Self {
-        for wide in [&mut self.x, &mut self.y, &mut self.hx, &mut self.hy, &mut self.left] {
-            join(wide, alive);
-        }
-        self
-    }
+    pub(super) path: Wide,
 }
 
 /// What tells candidates from each other.
 #[derive(Clone, Copy)]
+#[repr(align(64))]
 pub(super) struct Ways {
     pub(super) direction_x: Wide,
     pub(super) direction_y: Wide,
     /// Of the full speed, and one less than one over it.
     pub(super) share: Wide,
     pub(super) slower: Wide,
-}
-
-impl Ways {
-    /// The lanes that are not `alive` are as the first that is.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn joined(mut self, alive: u32) -> Self {
-        for wide in [&mut self.direction_x, &mut self.direction_y, &mut self.share, &mut self.slower] {
-            join(wide, alive);
-        }
-        self
-    }
-}
-
-/// The lanes that are not `alive` become as the first that is.
-fn join(wide: &mut Wide, alive: u32) {
-    let one = wide[alive.trailing_zeros() as usize % WIDTH];
-    for (lane, number) in wide.iter_mut().enumerate() {
-        *number = if (alive >> lane) & 1 == 0 { one } else { *number };
-    }
 }
 
 /// Candidates that go side by side, and what they have cost so far.
@@ -217,15 +202,12 @@ mod tests {
             let rows: [[f32; 4]; 4] = bytemuck::cast(x);
             let turned: [[f32; 4]; 4] = std::array::from_fn(|j| rows.map(|row| row[j]));
             prop_assert_eq!(columns(rows), turned);
-            let area = Area::around(&x, &y);
-            let ends = |wide: &Wide| (wide.iter().copied().fold(f32::MAX, least), wide.iter().copied().fold(f32::MIN, most));
+            let area = Area::around(&x, &y, alive);
+            let ends = |wide: &Wide| {
+                let those = || Which(alive).map(|lane| wide[lane]);
+                (those().fold(f32::INFINITY, least), those().fold(f32::NEG_INFINITY, most))
+            };
             prop_assert_eq!(((area.min_x, area.max_x), (area.min_y, area.max_y)), (ends(&x), ends(&y)));
-            let with = alive.trailing_zeros() as usize;
-            let mut joined = x;
-            join(&mut joined, alive);
-            for lane in 0..WIDTH {
-                prop_assert_eq!(joined[lane], if holds[lane] { x[lane] } else { x[with % WIDTH] });
-            }
         }
     }
 }

@@ -10,8 +10,8 @@
 use super::Params;
 use super::lanes::{Area, Which, bits, columns, least, most, single};
 use super::predict::{Path, STEPS};
+use super::shown::Shown;
 use super::types::NEIGHBOURS_MAX;
-use crate::geometry::Vec2;
 
 /// One number for each neighbour.
 pub(super) type Lanes = [f32; NEIGHBOURS_MAX];
@@ -23,6 +23,8 @@ const ROUNDING: f32 = 1e-4;
 
 /// Paths of the neighbours, and the distances at which they matter.
 #[derive(Debug, Clone)]
+// Each row of lanes in a line of the cache.
+#[repr(C, align(64))]
 pub(super) struct Others {
     /// Positions when each step begins, and at the end of the last, m.
     x_m: [Lanes; STEPS + 1],
@@ -54,19 +56,37 @@ impl Others {
         }
     }
 
-    /// Adds a neighbour that stands `offset` from the robot; `distances_m`: the one to keep, within how much beyond it
-    /// closeness costs, and from where on it slows others down.
+    /// The first `count` of the neighbours begin where they stand. `parked_margin_m`: within how much beyond the distance
+    /// to keep closeness to one that has arrived costs; `slow_m`: from how much beyond it on they slow others down.
     #[inline(always)]
-    pub(super) fn push(&mut self, offset: Vec2, distances_m: [f64; 3], params: &Params) {
-        let lane = self.count;
-        (self.x_m[0][lane], self.y_m[0][lane]) = (single(offset.x), single(offset.y));
-        let [required_m, margin_m, slow_m] = distances_m.map(single);
-        (self.required_m[lane], self.per_margin[lane]) = (required_m, 1.0 / margin_m);
-        self.overlap_s[lane] = single(params.overlap_weight) / required_m;
-        let close_m = required_m + margin_m;
-        self.slow_m2[lane] = slow_m * slow_m;
-        self.close_m2[lane] = close_m * close_m * (1.0 + ROUNDING);
-        self.count += 1;
+    pub(super) fn place(
+        &mut self,
+        neighbours: &Shown,
+        count: usize,
+        (parked_margin_m, slow_m): (f64, f64),
+        params: &Params,
+    ) {
+        let listed = neighbours.lanes();
+        let (parked, margins_m) =
+            (neighbours.parked().0, [params.prox_margin_m, parked_margin_m].map(single));
+        let overlap_s = single(params.overlap_weight);
+        self.count = count;
+        for lane in 0..NEIGHBOURS_MAX {
+            let there = lane < count;
+            let (x_m, y_m) = (single(-listed.x_m[lane]), single(-listed.y_m[lane]));
+            self.x_m[0][lane] = if there { x_m } else { NOWHERE_M };
+            self.y_m[0][lane] = if there { y_m } else { NOWHERE_M };
+            let (required_m, slow_m) =
+                (single(listed.required_m[lane]), single(listed.required_m[lane] + slow_m));
+            let margin_m = if parked & (1 << lane) == 0 { margins_m[0] } else { margins_m[1] };
+            let close_m = required_m + margin_m;
+            self.required_m[lane] = if there { required_m } else { 0.0 };
+            // Nowhere, closeness costs nothing.
+            self.per_margin[lane] = 1.0 / margin_m;
+            self.overlap_s[lane] = if there { overlap_s / required_m } else { 0.0 };
+            self.slow_m2[lane] = if there { slow_m * slow_m } else { 0.0 };
+            self.close_m2[lane] = if there { close_m * close_m * (1.0 + ROUNDING) } else { 0.0 };
+        }
     }
 
     /// Lays the paths of those added side by side, four by four.
@@ -134,9 +154,44 @@ fn lay_four(out_m: &mut [Lanes; STEPS + 1], first: usize, paths: [&[f32; STEPS];
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vec2;
+    use crate::guidance::shown::with_all;
+    use crate::guidance::types::Neighbour;
     use proptest::prelude::*;
 
     proptest! {
+        /// Each lane holds the numbers of its neighbour, and those beyond the last are nowhere.
+        #[test]
+        fn each_lane_holds_what_its_neighbour_needs(
+            places in prop::collection::vec((-3.0..3.0f64, -3.0..3.0f64, any::<bool>()), 0..=16),
+            required_m in 0.2..1.0f64, parked_margin_m in 0.01..1.0f64, slow_m in 0.1..1.0f64, left_out in 0..4usize,
+        ) {
+            let params = Params::default();
+            let neighbours: Vec<Neighbour> = places.iter().map(|(x, y, arrived)| {
+                Neighbour { position_m: Vec2::new(*x, *y), arrived: *arrived, ..Neighbour::default() }
+            }).collect();
+            let count = neighbours.len().saturating_sub(left_out);
+            let mut others = Others::none();
+            with_all(Vec2::zeros(), required_m, (&neighbours, true), |shown| {
+                others.place(shown, count, (parked_margin_m, slow_m), &params);
+            });
+            for (lane, n) in neighbours.iter().enumerate().take(count) {
+                let margin_m = single(if n.arrived { parked_margin_m } else { params.prox_margin_m });
+                let (required, slow) = (single(required_m), single(required_m + slow_m));
+                let close = required + margin_m;
+                prop_assert_eq!(others.at(0, lane), (single(n.position_m.x), single(n.position_m.y)));
+                prop_assert_eq!((others.required_m[lane], others.per_margin[lane]), (required, 1.0 / margin_m));
+                prop_assert_eq!(others.overlap_s[lane], single(params.overlap_weight) / required);
+                prop_assert_eq!(others.slow_m2[lane], slow * slow);
+                prop_assert_eq!(others.close_m2[lane], close * close * (1.0 + ROUNDING));
+            }
+            for lane in count..NEIGHBOURS_MAX {
+                prop_assert_eq!(others.at(0, lane), (NOWHERE_M, NOWHERE_M));
+                prop_assert_eq!((others.slow_m2[lane], others.close_m2[lane]), (0.0, 0.0));
+                prop_assert!(NOWHERE_M * others.per_margin[lane] > 1.0);
+            }
+        }
+
         /// Nobody who matters is left out, and the lanes are those of the neighbours.
         #[test]
         fn all_who_matter_are_named(
@@ -149,15 +204,17 @@ mod tests {
             let margin_m = single(params.prox_margin_m);
             let mut others = Others::none();
             let count = starts.len();
-            let mut paths = Vec::new();
+            let (mut paths, mut neighbours) = (Vec::new(), Vec::new());
             for (x, y, vx, vy) in starts {
-                let path = Path {
+                paths.push(Path {
                     x_m: std::array::from_fn(|k| single(vx * (0.16 * (k + 1) as f64))),
                     y_m: std::array::from_fn(|k| single(vy * (0.16 * (k + 1) as f64))),
-                };
-                others.push(Vec2::new(x, y), [0.45, params.prox_margin_m, 0.87], &params);
-                paths.push(path);
+                });
+                neighbours.push(Neighbour { position_m: Vec2::new(x, y), ..Neighbour::default() });
             }
+            with_all(Vec2::zeros(), 0.45, (&neighbours, true), |shown| {
+                others.place(shown, count, (params.parked_margin_m, 0.42), &params);
+            });
             others.lay(|lane| &paths[lane]);
             for (lane, path) in paths.iter().enumerate() {
                 let (x, y) = others.at(0, lane);

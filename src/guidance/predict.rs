@@ -28,6 +28,8 @@ pub(super) struct Path {
 #[derive(Debug, Clone)]
 pub struct Predictions {
     period: u32,
+    /// The turn of a step, rad, and what was worked out for it: it seldom changes.
+    turn: (f64, Turn),
     /// The period in which the paths of each row of places were worked out.
     known: Vec<u32>,
     /// By place in the order of the ground, then by lane for those that have none.
@@ -39,7 +41,8 @@ impl Predictions {
     pub fn for_robots(robots: usize) -> Self {
         let nowhere = Path { x_m: [0.0; STEPS], y_m: [0.0; STEPS] };
         let rows = robots.div_ceil(WIDTH);
-        Self { period: 0, known: vec![0; rows], paths: vec![nowhere; rows * WIDTH + NEIGHBOURS_MAX] }
+        let turn = (0.0, Turn { cos: 1.0, sin: 0.0 });
+        Self { period: 0, turn, known: vec![0; rows], paths: vec![nowhere; rows * WIDTH + NEIGHBOURS_MAX] }
     }
 
     /// Forgets the last period.
@@ -49,6 +52,15 @@ impl Predictions {
             self.known.fill(0);
             self.period = 1;
         }
+    }
+
+    /// The largest turn in one step.
+    pub(super) fn turn(&mut self, limits: &Limits, params: &Params) -> Turn {
+        let turn_rad = limits.omega_max_radps * params.step_s;
+        if turn_rad != self.turn.0 {
+            self.turn = (turn_rad, Turn::new(turn_rad));
+        }
+        self.turn.1
     }
 
     /// Works out where the first `count` neighbours will be, as far as nobody has asked before.
@@ -97,8 +109,8 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    pub(super) fn new(limits: &Limits, params: &Params) -> Self {
-        let (sin, cos) = libm::sincos(limits.omega_max_radps * params.step_s);
+    fn new(turn_rad: f64) -> Self {
+        let (sin, cos) = libm::sincos(turn_rad);
         Self { cos: single(cos), sin: single(sin) }
     }
 
@@ -284,7 +296,6 @@ mod tests {
         ) {
             let (limits, params) =
                 (Limits { v_max_mps: 5.0, omega_max_radps: 1.0, period_s: 0.08 }, Params::default());
-            let turn = Turn::new(&limits, &params);
             let neighbours: Vec<Neighbour> = robots.iter().map(|robot| {
                 let ((x, y, theta), (heading_rad, speed_mps, away), kind) = *robot;
                 let position_m = Vec2::new(x, y);
@@ -293,6 +304,8 @@ mod tests {
                 Neighbour { position_m, heading_rad: theta, arrived: kind == 0, intent, ..Neighbour::default() }
             }).collect();
             let mut predictions = Predictions::for_robots(neighbours.len());
+            let turn = predictions.turn(&limits, &params);
+            prop_assert_eq!(format!("{turn:?}"), format!("{:?}", Turn::new(1.0 * params.step_s)));
             // Some of them first: what is known stays.
             for placed in [true, false] {
                 predictions.begin();

@@ -42,9 +42,9 @@ impl Scene<'_> {
         for lane in 0..row.count {
             give_up[lane] = best.give_up(row.rank[lane]);
         }
+        // Lanes without a candidate go along, as do those whose candidate has ended; nobody looks where they are.
         let mut alive = (1u32 << row.count) - 1;
-        // Lanes without a candidate go with the first.
-        let mut ways = row.ways.joined(alive);
+        let ways = row.ways;
         let mut cost = row.cost;
         row.count = 0;
         let mut at = Motion {
@@ -53,15 +53,15 @@ impl Scene<'_> {
             hx: [self.heading.0; WIDTH],
             hy: [self.heading.1; WIDTH],
             left: [self.left_m; WIDTH],
+            path: [0.0; WIDTH],
         };
         let mut area = Area { min_x: 0.0, min_y: 0.0, max_x: 0.0, max_y: 0.0 };
         let (mut time, mut fade, mut faded) = (0.0, 1.0, 1.0);
-        let mut path = [0.0; WIDTH];
-        let mut worst = [[0.0; WIDTH]; NEIGHBOURS_MAX];
+        let mut worst = Worst([[0.0; WIDTH]; NEIGHBOURS_MAX]);
         let (mut start, mut passing, mut scrape) = (at, Which(0), [0.0; WIDTH]);
         // A step is judged when the next has been begun: where that leads does not wait for what this costs.
         for k in 0..=STEPS {
-            let (here, gone, passed, scraped) = (at, path, passing, scrape);
+            let (here, passed, scraped) = (at, passing, scrape);
             passing = Which(0);
             if k < STEPS {
                 let mut v = self.turn(&mut at, &ways, time < scale.hold_s);
@@ -73,11 +73,11 @@ impl Scene<'_> {
                     let travel = least(v[lane] * scale.step_s, at.left[lane]);
                     at.x[lane] += at.hx[lane] * travel;
                     at.y[lane] += at.hy[lane] * travel;
-                    path[lane] += travel;
+                    at.path[lane] += travel;
                     let (to_x, to_y) = (self.to.0 - at.x[lane], self.to.1 - at.y[lane]);
                     at.left[lane] = (to_x * to_x + to_y * to_y).sqrt();
                 }
-                let to = Area::around(&at.x, &at.y);
+                let to = Area::around(&at.x, &at.y, alive);
                 passing = self.others.passing(&area, &to, k);
                 area = to;
             }
@@ -96,17 +96,12 @@ impl Scene<'_> {
                 }
                 let beaten = bits(beaten) & alive;
                 let last = if k == STEPS { alive } else { bits(landed) & alive };
-                if beaten | last != 0 {
-                    if last & !beaten != 0 {
-                        *best = self.offered(last & !beaten, here, [cost, lost, gone], row.rank, time, *best);
-                    }
-                    alive &= !(beaten | last);
-                    if alive == 0 {
-                        return;
-                    }
-                    // Those that ended go with one that goes on, so that nobody goes where nobody has to look.
-                    (ways, at) = (ways.joined(alive), at.joined(alive));
-                    area = Area::around(&at.x, &at.y);
+                if last & !beaten != 0 {
+                    *best = self.offered(last & !beaten, &here, [&cost, &lost], &row.rank, time, *best);
+                }
+                alive &= !(beaten | last);
+                if alive == 0 {
+                    return;
                 }
             }
             start = here;
@@ -121,9 +116,9 @@ impl Scene<'_> {
     fn offered(
         &self,
         lanes: u32,
-        at: Motion,
-        [cost, lost, path]: [Wide; 3],
-        rank: [usize; WIDTH],
+        at: &Motion,
+        [cost, lost]: [&Wide; 2],
+        rank: &[usize; WIDTH],
         time: f32,
         mut best: Best,
     ) -> Best {
@@ -133,7 +128,7 @@ impl Scene<'_> {
             let misaligned = 1.0 - (at.hx[lane] * to_x + at.hy[lane] * to_y) / at.left[lane];
             let misaligned = if at.left[lane] < LANDED_M { 0.0 } else { misaligned };
             whole[lane] = cost[lane] + (lost[lane] + self.scale.turn_s * misaligned);
-            mean_mps[lane] = path[lane] / time;
+            mean_mps[lane] = at.path[lane] / time;
         }
         for lane in Which(lanes) {
             best.offer(whole[lane], rank[lane], mean_mps[lane]);
@@ -183,7 +178,6 @@ impl Scene<'_> {
     /// Slows down to the speed that the hard rows of the neighbours would leave.
     #[inline(always)]
     fn slow(&self, mut v: Wide, at: &Motion, area: &Area, k: usize) -> Wide {
-        let rate = self.scale.row_rate;
         for other in self.others.slowing(area, k) {
             let (place_x, place_y) = self.others.at(k, other);
             let (required_m, slow_m2) = (self.others.required_m[other], self.others.slow_m2[other]);
@@ -192,7 +186,7 @@ impl Scene<'_> {
                 let d2 = x * x + y * y;
                 let d = most(d2.sqrt(), 1e-6);
                 let closing = -(at.hx[lane] * x + at.hy[lane] * y);
-                let limit = rate * most(d - required_m, 0.0) * d / closing;
+                let limit = self.scale.row_rate * most(d - required_m, 0.0) * d / closing;
                 // Stored whatever comes out: a conditional store would hold up the next neighbour's loads.
                 let slows = (d2 <= slow_m2) & (closing > 0.0);
                 v[lane] = least(if slows { limit } else { f32::INFINITY }, v[lane]);
@@ -225,7 +219,7 @@ impl Scene<'_> {
         next: &Motion,
         k: usize,
         fade: f32,
-        worst: &mut [Wide; NEIGHBOURS_MAX],
+        worst: &mut Worst,
     ) -> Wide {
         let near_s = fade * self.scale.near_s;
         let mut raised = [0.0; WIDTH];
@@ -233,7 +227,7 @@ impl Scene<'_> {
             let (required_m, per_margin) = (self.others.required_m[other], self.others.per_margin[other]);
             let overlap_s = fade * self.others.overlap_s[other];
             let ((x0, y0), (x1, y1)) = (self.others.at(k, other), self.others.at(k + 1, other));
-            let worst = &mut worst[other];
+            let worst = &mut worst.0[other];
             for lane in 0..WIDTH {
                 // Closest approach inside the step: at 10 m/s relative speed the samples alone would miss it.
                 let (from_x, from_y) = (at.x[lane] - x0, at.y[lane] - y0);
@@ -256,3 +250,7 @@ impl Scene<'_> {
         raised
     }
 }
+
+/// The worst closeness of each candidate to each neighbour so far, each row of lanes in a line of the cache.
+#[repr(align(64))]
+struct Worst([Wide; NEIGHBOURS_MAX]);

@@ -36,7 +36,7 @@ pub(super) struct Scene<'a> {
     pub(super) bearing_rad: f64,
     pub(super) turn: Turn,
     pub(super) scale: Scale,
-    pub(super) others: Others,
+    pub(super) others: &'a Others,
 }
 
 /// The parameters and the limits as a step uses them.
@@ -127,19 +127,25 @@ impl Asked<'_> {
 
     #[inline(always)]
     fn best_of_all(&self, predictions: &mut Predictions) -> Plan {
-        Scene::new(self, predictions).best(self.previous_rad)
+        let mut others = Others::none();
+        Scene::new(self, predictions, &mut others).best(self.previous_rad)
     }
 }
 
 impl<'a> Scene<'a> {
     #[inline(always)]
-    fn new(asked: &Asked<'a>, predictions: &mut Predictions) -> Self {
+    fn new(asked: &Asked<'a>, predictions: &mut Predictions, others: &'a mut Others) -> Self {
         let Asked { ego, target_m, neighbours, obstacles, limits, params, patience, .. } = *asked;
-        let (turn, scale) = (Turn::new(limits, params), Scale::new(limits, params));
+        let (turn, scale) = (predictions.turn(limits, params), Scale::new(limits, params));
+        let count = neighbours.iter().take_while(|n| n.distance_m.max(1e-6) <= params.range_m).count();
+        predictions.learn(neighbours, count, turn, params);
+        let distances_m = (params.parked_margin_m * patience, limits.v_max_mps / params.row_rate);
+        others.place(neighbours, count, distances_m, params);
+        others.lay(|lane| predictions.of(neighbours, lane));
         let (to, heading) = (target_m - ego.position_m, unit(ego.heading_rad));
         let (x, y) = (single(to.x), single(to.y));
         let left_m = (x * x + y * y).sqrt();
-        let mut scene = Self {
+        Self {
             ego,
             obstacles,
             params,
@@ -150,18 +156,8 @@ impl<'a> Scene<'a> {
             bearing_rad: bearing(to),
             turn,
             scale,
-            others: Others::none(),
-        };
-        let count = neighbours.iter().take_while(|n| n.distance_m.max(1e-6) <= params.range_m).count();
-        predictions.learn(neighbours, count, turn, params);
-        for n in neighbours.iter().take(count) {
-            let parked = neighbours.is_parked(n.lane);
-            let margin_m = if parked { params.parked_margin_m * patience } else { params.prox_margin_m };
-            let slow_m = n.required_m + limits.v_max_mps / params.row_rate;
-            scene.others.push(-n.apart_m, [n.required_m, margin_m, slow_m], params);
+            others,
         }
-        scene.others.lay(|lane| predictions.of(neighbours, lane));
-        scene
     }
 
     #[inline(always)]
@@ -377,7 +373,8 @@ mod tests {
                 let half = unsafe { asked.best_avx2(&mut predictions) };
                 prop_assert_eq!(format!("{half:?}"), format!("{narrow:?}"));
             }
-            let scene = Scene::new(&asked, &mut predictions);
+            let mut others = Others::none();
+            let scene = Scene::new(&asked, &mut predictions, &mut others);
             prop_assert_eq!(format!("{wide:?}"), format!("{:?}", best_one_by_one(&scene, previous_rad)));
             Ok(())
             })?;
