@@ -130,7 +130,13 @@ impl Scene<'_> {
             whole[lane] = cost[lane] + (lost[lane] + self.scale.turn_s * misaligned);
             mean_mps[lane] = at.path[lane] / time;
         }
-        for lane in Which(lanes) {
+        // Nearly always one; which of them it is cannot be foreseen.
+        let mut lowest = f32::INFINITY;
+        for lane in 0..WIDTH {
+            whole[lane] = if lanes & (1 << lane) == 0 { f32::INFINITY } else { whole[lane] };
+            lowest = least(whole[lane], lowest);
+        }
+        for lane in Which(bits(whole.map(|cost| cost == lowest)) & lanes) {
             best.offer(whole[lane], rank[lane], mean_mps[lane]);
         }
         best

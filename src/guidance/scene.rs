@@ -166,9 +166,17 @@ impl<'a> Scene<'a> {
         let biases = biases(single(wrap(self.bearing_rad - previous_rad)), self.params);
         let (x, y) = self.ahead();
         let (direction_x, direction_y) = directions(x, y);
+        // Full speed first: it seldom pays to go slower, and what is slower need not even start then. Nothing is known yet
+        // that would keep one of the first row from starting.
         let mut row = Row::empty();
-        // Full speed first: it seldom pays to go slower, and what is slower need not even start then.
-        let (mut i, mut j) = (0, 0);
+        for lane in 0..WIDTH {
+            row.rank[lane] = lane * SPEEDS.len();
+            (row.ways.direction_x[lane], row.ways.direction_y[lane]) = (direction_x[lane], direction_y[lane]);
+            row.ways.share[lane] = SPEEDS[0];
+            row.cost[lane] = biases[lane];
+        }
+        row.count = WIDTH;
+        let (mut i, mut j) = (WIDTH, 0);
         let slower = SPEEDS.map(|share| 1.0 / share - 1.0);
         let behind: [f32; SPEEDS.len()] =
             std::array::from_fn(|j| self.behind(SPEEDS[j], slower[j], self.left_m, STEPS));
