@@ -340,7 +340,10 @@ impl RobotController {
             };
         }
         let keep_m = law.limits.safety_margin_m + own.radius_m;
-        let show = |index: usize| shows(law, &fleet[index], law.foreign_speed_mps[index].is_some());
+        // Every one that is not ours is a stranger.
+        let strangers = !law.strangers.is_empty();
+        let show =
+            |index: usize| shows(law, &fleet[index], strangers && law.foreign_speed_mps[index].is_some());
         let shown = listed.list(here, (near, ground), &show, |radius_m| keep_m + radius_m + 2.0 * doubt_m);
         self.near_views.clear();
         self.near_views.extend(self.views.iter().filter(|o| o.clearance(here).1 < OBSTACLE_RANGE_M));

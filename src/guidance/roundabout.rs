@@ -10,6 +10,7 @@
 //! gives everybody a lane of width s. On a circle of N robots it is the ring of circumference N s, and no robot needs
 //! to know N. It depends on positions and targets only, so it does not oscillate.
 
+#![expect(clippy::inline_always, reason = "compiled for wider registers as a part of their caller")]
 #![expect(clippy::needless_bitwise_bool, reason = "a branch in a lane keeps the loop scalar")]
 
 use super::Params;
@@ -31,9 +32,9 @@ pub(super) fn rotation(ego: &Ego, neighbours: &Shown, limits: &Limits, params: &
     let mine = to * (limits.v_max_mps / left);
     let my_time = left / limits.v_max_mps;
     let Meetings { time_s, miss_m, side, lane_m, matter } =
-        Meetings::of(neighbours, mine, my_time, limits, params);
+        Meetings::of(neighbours.lanes(), mine, my_time, limits, params);
     let (mut left_side, mut right_side) = (Side::default(), Side::default());
-    for at in matter {
+    for at in Which(matter & neighbours.driving().0) {
         let (d, miss, lane) = (neighbours.lanes().distance_m[at], miss_m[at], lane_m[at]);
         // A clear miss on the other side is left alone.
         let keep = if miss >= 0.0 { 1.0 } else { (1.0 + miss / params.lane_wrong_m).max(0.0) };
@@ -65,6 +66,7 @@ struct Side {
 }
 
 /// How the robot meets its neighbours when all drive straight on; one number for each of them.
+#[derive(Debug)]
 struct Meetings {
     /// Until they are nearest to each other.
     time_s: [f64; NEIGHBOURS_MAX],
@@ -74,16 +76,49 @@ struct Meetings {
     side: [f64; NEIGHBOURS_MAX],
     /// Width of the lane between them.
     lane_m: [f64; NEIGHBOURS_MAX],
-    matter: Which,
+    /// Which of them matter if they drive.
+    matter: u32,
 }
 
 impl Meetings {
+    fn of(listed: &Listed, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if std::arch::is_x86_feature_detected!("avx512f")
+                && std::arch::is_x86_feature_detected!("avx512vl")
+            {
+                // SAFETY: the processor has what the function was compiled for.
+                return unsafe { Self::of_avx512(listed, mine, my_time, limits, params) };
+            }
+            if std::arch::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has what the function was compiled for.
+                return unsafe { Self::of_avx2(listed, mine, my_time, limits, params) };
+            }
+        }
+        Self::of_all(listed, mine, my_time, limits, params)
+    }
+
+    /// [`of_all`](Self::of_all) for wider registers: the same operations, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl")]
+    fn of_avx512(listed: &Listed, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
+        Self::of_all(listed, mine, my_time, limits, params)
+    }
+
+    /// [`of_all`](Self::of_all) for wide registers: the same operations, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn of_avx2(listed: &Listed, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
+        Self::of_all(listed, mine, my_time, limits, params)
+    }
+
     /// Of all of them side by side, without a branch: which of them matter is hard to guess.
-    fn of(neighbours: &Shown, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
-        let Listed { x_m, y_m, to_x_m, to_y_m, distance_m, required_m, .. } = neighbours.lanes();
+    #[inline(always)]
+    fn of_all(listed: &Listed, mine: Vec2, my_time: f64, limits: &Limits, params: &Params) -> Self {
+        let Listed { x_m, y_m, to_x_m, to_y_m, distance_m, required_m, .. } = listed;
         let none = [0.0; NEIGHBOURS_MAX];
         let v_max = limits.v_max_mps;
-        let mut all = Self { time_s: none, miss_m: none, side: none, lane_m: none, matter: Which(0) };
+        let mut all = Self { time_s: none, miss_m: none, side: none, lane_m: none, matter: 0 };
         let mut matter = [false; NEIGHBOURS_MAX];
         for at in 0..NEIGHBOURS_MAX {
             let (x, y, d) = (-x_m[at], -y_m[at], distance_m[at]);
@@ -107,7 +142,44 @@ impl Meetings {
                 & (time <= their_left / v_max)
                 & (miss < lane);
         }
-        all.matter = Which(bits(matter) & neighbours.driving().0);
+        all.matter = bits(matter);
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guidance::shown::with_all;
+    use crate::guidance::types::{Intent, Neighbour};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// However wide the registers are, robots meet as they do one by one.
+        #[test]
+        fn the_width_of_registers_changes_no_bit(
+            places in prop::collection::vec((-3.0..3.0f64, -3.0..3.0f64, -6.0..6.0f64, -6.0..6.0f64), 0..=16),
+            (x_mps, y_mps, my_time) in (-5.0..5.0f64, -5.0..5.0f64, 0.0..5.0f64),
+        ) {
+            let (limits, params) =
+                (Limits { v_max_mps: 5.0, omega_max_radps: 1.0, period_s: 0.08 }, Params::default());
+            let neighbours: Vec<Neighbour> = places.iter().map(|(x, y, to_x, to_y)| {
+                let (position_m, target_m) = (Vec2::new(*x, *y), Vec2::new(*to_x, *to_y));
+                let intent = Intent { target_m, speed_mps: 2.0, ..Intent::default() };
+                Neighbour { position_m, target_m, intent, ..Neighbour::default() }
+            }).collect();
+            with_all(Vec2::zeros(), 0.45, (&neighbours, true), |shown| {
+                let (listed, mine) = (shown.lanes(), Vec2::new(x_mps, y_mps));
+                let narrow = format!("{:?}", Meetings::of_all(listed, mine, my_time, &limits, &params));
+                prop_assert_eq!(format!("{:?}", Meetings::of(listed, mine, my_time, &limits, &params)), &narrow[..]);
+                #[cfg(target_arch = "x86_64")]
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: the processor has what the function was compiled for.
+                    let half = unsafe { Meetings::of_avx2(listed, mine, my_time, &limits, &params) };
+                    prop_assert_eq!(format!("{half:?}"), &narrow[..]);
+                }
+                Ok(())
+            })?;
+        }
     }
 }

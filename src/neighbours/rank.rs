@@ -14,6 +14,9 @@ pub(super) type Lanes = [f64; RANKED_MAX];
 /// they become equal have the same rank.
 type Keys = [f32; RANKED_MAX];
 
+/// Numbers that are counted before it is asked whether there are more.
+const STEP: usize = 8;
+
 /// Numbers with their ranks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ranked {
@@ -64,14 +67,15 @@ fn roots_avx2(numbers: &Lanes, count: usize) -> Ranked {
 #[expect(clippy::cast_possible_truncation, reason = "rounded, and never into another order")]
 fn roots_of_all(numbers: &Lanes, count: usize) -> Ranked {
     let (mut roots, mut keys) = ([0.0; RANKED_MAX], [0.0; RANKED_MAX]);
-    for ((root, key), number) in roots.iter_mut().zip(&mut keys).zip(numbers) {
-        *root = number.sqrt();
-        // Of the root: squares that are not equal may have roots that are.
-        *key = *root as f32;
+    for lane in 0..RANKED_MAX {
+        roots[lane] = numbers[lane].sqrt();
+        // Of the root: squares that are not equal may have roots that are. Who is not ranked is before nobody.
+        keys[lane] = if lane < count { roots[lane] as f32 } else { f32::INFINITY };
     }
     // Counted in floating point: such sums are not to be regrouped, so that all lanes take one step together.
     let mut counts = [INTEGERS; RANKED_MAX];
-    for k in 0..count.min(RANKED_MAX) {
+    // In whole steps, of which there are as many nearly every time.
+    for k in 0..count.next_multiple_of(STEP).min(RANKED_MAX) {
         let other = keys[k];
         for lane in 0..RANKED_MAX {
             counts[lane] += if other < keys[lane] { 1.0 } else { 0.0 };
