@@ -1,12 +1,12 @@
 //! The last check before a command goes out: the exact motion against the bodies, not the programme.
 //!
 //! Who is near, how far beyond the required distance, and which share of that gap is ours: that it takes
-//! from the rows' [bodies](super::bodies::gather), and a mistake there it would share. Those are looked for from outside, by the
-//! theorem's tests over continuous time and by the simulator, each with a geometry of its own. What it
-//! does not take over is what the rows make of them. They were computed from closed forms of the approach,
-//! and the command is what a solver made of the rows; here the arc itself is held against the line that it
-//! must not cross, by the branch and bound that measures clearances. For disturbed robots it is the disc
-//! that holds all that the command may still do.
+//! from the rows' [bodies](super::bodies::gather), and a mistake there it would share. Those are looked for
+//! from outside, by the theorem's tests over continuous time and by the simulator, each with a geometry of
+//! its own. What it does not take over is what the rows make of them. They were computed from closed forms
+//! of the approach, and the command is what a solver made of the rows; here the arc itself is held against
+//! the line that it must not cross, by the branch and bound that measures clearances, unless its length
+//! alone keeps it from there. For disturbed robots it is the disc that holds all that the command may still do.
 
 use super::Law;
 use super::bodies::Body;
@@ -22,8 +22,9 @@ const ROUNDING_M: f64 = 1e-11;
 /// Margin beyond which rounding decides nothing, as a part of the way.
 const CLEAR: f64 = 1e-9;
 
-/// Holds `command` back to the largest speed that keeps its share of every gap at its turn rate, by a robot from that pose
-/// on, with its heading as a vector. Whether it then is admissible, and keeps it at every instant of the period.
+/// Holds `command` back to the largest speed that keeps its share of every gap at its turn rate, by a robot from
+/// that pose on, with its heading as a vector. Whether it then is admissible, and keeps it at every instant of
+/// the period.
 pub(super) fn held_back(
     law: &Law,
     (start, ahead): (Pose, Vec2),

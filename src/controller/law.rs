@@ -84,7 +84,7 @@ impl Law {
             obstacles: scenario.obstacles.clone(),
             bounds: (!config.robust.is_none()).then_some(config.robust),
             margin: None,
-            binds_m: [0.0; 2],
+            binds_m: [f64::INFINITY; 2],
             max_age_s: config.source.max_age_or_default_ns(config.timing.period_ns) as f64 * 1e-9,
             foreign_s: 0.0,
             untrusted_m: 0.0,
@@ -114,10 +114,7 @@ impl Law {
         self.ahead_s = ahead_s;
         self.margin = self.bounds.map(|b| Margin::new(b, &self.limits, self.period_s, ahead_s));
         self.foreign_s = foreign_periods * self.period_s + self.margin.map_or(0.0, |m| m.rest_s());
-        // The smaller rate reaches further: one look serves both kinds of rows.
-        let rate = self.control.gamma.min(self.control.comfort_gamma);
-        let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
-        self.binds_m = [0.5, 1.0].map(|share| activation_m(0.0, speed_mps, self.period_s, rate, share));
+        self.binds_m = [0.5, 1.0].map(|share| self.activation_m(0.0, share));
         let silent_s = self.max_age_s + UNTRUSTED_PERIODS * self.period_s;
         self.untrusted_m = UNTRUSTED_PERIODS * self.period_s * self.limits.speed_mps();
         self.lost_m = self.margin.map_or(0.0, |m| m.lost_m(silent_s));
@@ -193,10 +190,16 @@ impl Law {
 
     /// How far from a robot a row that keeps `required_m` and leaves this share of the gap can bind, m.
     pub(super) fn rows_m(&self, required_m: f64, share: f64) -> f64 {
-        let rate = self.control.gamma.min(self.control.comfort_gamma);
         let extent = self.margin.map_or(0.0, |margin| 2.0 * margin.extent_max_m());
+        self.activation_m(required_m + extent, share)
+    }
+
+    /// Within which distance a row of either kind binds, m.
+    fn activation_m(&self, required_m: f64, share: f64) -> f64 {
+        // The smaller rate reaches further: one look serves both kinds of rows.
+        let rate = self.control.gamma.min(self.control.comfort_gamma);
         let speed_mps = self.limits.speed_mps() * (1.0 + self.spread());
-        activation_m(required_m + extent, speed_mps, self.period_s, rate, share)
+        activation_m(required_m, speed_mps, self.period_s, rate, share)
     }
 
     /// How far a robot of this radius looks: for every row that can bind, and for the guidance.

@@ -77,7 +77,8 @@ pub(super) fn fill(law: &Law, ahead: Vec2, bodies: &[Body], programme: &mut Prog
         let budget_m = budget_m(body.gap_m, rate, body.share);
         !is_out_of_reach(law, ahead, turn_rate_radps, body, budget_m)
     };
-    // At most turn rates most bodies are out of reach, and when all are, none is asked for.
+    // Most bodies are out of reach even at the largest turn rate, and so at every smaller one: when all are, none is
+    // asked for.
     let most_radps = law.limits.turn_rate_radps();
     let Some(first) = bodies.iter().position(|body| is_within(body, most_radps)) else { return true };
     // Form F1 needs ω before the rows in v: the programme separates, so ω is already decided.

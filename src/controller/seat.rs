@@ -56,7 +56,8 @@ impl<T> Seat<T> {
     fn take_from(&self, state: u32) -> Option<Taken<'_, T>> {
         // Acquires what the one before left with a release.
         let taken = self.state.compare_exchange(state, TAKEN, Ordering::Acquire, Ordering::Relaxed);
-        taken.is_ok().then(|| Taken { seat: self, touched: false, occupant: PhantomData })
+        // One that was lost is half changed already.
+        taken.is_ok().then(|| Taken { seat: self, touched: state == LOST, occupant: PhantomData })
     }
 }
 
@@ -113,6 +114,12 @@ mod tests {
         assert_eq!(seat.take().as_deref(), Some(&2));
         fails(true);
         assert!(seat.take().is_none());
+        // And so does one that was to be made anew, and was not.
+        let failed = catch_unwind(AssertUnwindSafe(|| {
+            let _lost = seat.take_lost().unwrap();
+            std::panic::resume_unwind(Box::new("a fault, injected"));
+        }));
+        assert!(failed.is_err() && seat.take().is_none());
         *seat.take_lost().unwrap() = 7;
         assert_eq!(seat.take().as_deref(), Some(&7));
     }
