@@ -88,18 +88,19 @@ impl Motion {
         }));
     }
 
-    /// The distance within which a pair can lower the minimum or be violated, m. No robot's radius is larger than
-    /// `largest_m`.
-    fn near_m(&self, margin_m: f64, largest_m: f64, smallest_m: f64, horizon_s: f64) -> f64 {
+    /// The distance within which a pair can lower the minimum or be violated, and what is left to come closer
+    /// than, m, for a minimum of `smallest_m` until now. No robot's radius is larger than `largest_m`.
+    fn near_m(&self, margin_m: f64, largest_m: f64, smallest_m: f64, horizon_s: f64) -> (f64, f64) {
         let fastest_mps = self.seats.iter().map(|seat| seat.v_mps.abs()).fold(0.0, f64::max);
-        // Without a minimum yet: some pairs that are likely to be near. No minimum is larger than any of theirs.
-        let some = self.seats.windows(2).filter(|_| smallest_m == f64::INFINITY).filter_map(|pair| {
+        // Some pairs that are likely to be near: no minimum is larger than any of theirs, and many have come near
+        // at once where it is much smaller.
+        let some = self.seats.windows(2).filter_map(|pair| {
             let (a, b) = (&pair[0], &pair[1]);
             let apart_m = (a.start.position_m - b.start.position_m).norm();
             a.counts(b).then(|| apart_m - a.required_m(b, margin_m))
         });
         let smallest_m = some.fold(smallest_m, f64::min).max(0.0);
-        margin_m + 2.0 * (largest_m + fastest_mps * horizon_s) + smallest_m
+        (margin_m + 2.0 * (largest_m + fastest_mps * horizon_s) + smallest_m, smallest_m)
     }
 
     /// Lists the pairs within `near_m` that can come closer than `smallest_m` beyond what is required: by the robot
@@ -135,8 +136,8 @@ impl Accumulator {
         let margin_m = self.limits.safety_margin_m;
         let largest_m = self.bodies.iter().map(|body| body.radius_m).fold(0.0, f64::max);
         self.motion.sort(&self.bodies, arcs, horizon_s);
-        let near_m = self.motion.near_m(margin_m, largest_m, self.min_clearance_m, horizon_s);
-        self.motion.list(margin_m, near_m, self.min_clearance_m.max(0.0), horizon_s);
+        let (near_m, more_m) = self.motion.near_m(margin_m, largest_m, self.min_clearance_m, horizon_s);
+        self.motion.list(margin_m, near_m, more_m, horizon_s);
         let mut passed = 0;
         for pair in 0..self.motion.pairs.len() {
             let (a, b) = self.motion.pairs[pair];
@@ -188,6 +189,24 @@ mod tests {
     use super::*;
     use crate::scenario::Scenario;
     use crate::wire::{RobotState, state_flags};
+
+    /// After a minimum of hundreds of metres the whole fleet stands close: few pairs are looked at even so.
+    #[test]
+    fn a_fleet_that_comes_together_at_once_lists_few_pairs() {
+        let scenario = Scenario::builtin("circle-200").unwrap();
+        let mut figures = Accumulator::new(&scenario, 0.08);
+        let mut fleet: Vec<RobotState> = scenario.robots.iter().map(RobotState::at_start).collect();
+        for (tick, spacing_m) in [(0, 500.0), (1, 1.0)] {
+            for (n, state) in fleet.iter_mut().enumerate() {
+                (state.x_m, state.y_m) = (spacing_m * (n % 15) as f64, spacing_m * (n / 15) as f64);
+                state.flags |= state_flags::VALID;
+            }
+            figures.observe_period(tick, &fleet);
+        }
+        assert!(figures.min_clearance_m() < 1.0);
+        let listed = figures.motion.pairs.len();
+        assert!(listed < 4 * fleet.len(), "{listed} pairs of {} robots", fleet.len());
+    }
 
     /// Robots that drive anywhere, some of them foreign, one place free; several periods.
     #[test]

@@ -121,3 +121,37 @@ impl LoopMemory {
         self.counted_to = tick + 1;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::RobotId;
+
+    /// Blocks that are full, and a last one that is not: the record has the states of before, and each robot
+    /// its own command afterwards.
+    #[test]
+    fn each_state_is_recorded_and_carries_its_own_command_on() {
+        for robots in [1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, 2 * BLOCK + 2] {
+            let state = |n: usize| RobotState { x_m: n as f64, v_mps: -1.0, ..RobotState::default() };
+            let before: Vec<RobotState> = (0..robots).map(state).collect();
+            for recorded in [true, false] {
+                let mut memory = LoopMemory::new(before.clone());
+                for n in 0..robots {
+                    let command = Command { v_mps: n as f64, omega_radps: -(n as f64) };
+                    memory.commands[n] = RobotCommand::verified(RobotId(0), command);
+                    memory.intents[n].speed_mps = n as f64 + 0.5;
+                }
+                let mut record = vec![RobotState::default(); robots];
+                memory.carry_on(recorded.then_some(&mut record[..]));
+                assert_eq!(record == before, recorded, "{robots}");
+                for (n, state) in memory.states.iter().enumerate() {
+                    let n = n as f64;
+                    let carried = (state.x_m, state.v_mps, state.omega_radps, state.intent.speed_mps);
+                    assert_eq!(carried, (n, n, -n, n + 0.5), "{robots}");
+                }
+                memory.stand();
+                assert!(memory.states.iter().all(|state| state.command() == Command::STOP));
+            }
+        }
+    }
+}

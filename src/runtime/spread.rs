@@ -96,3 +96,23 @@ pub(super) fn publish_checkpoint(
         tracing::debug!(tick, "a checkpoint did not reach every reader");
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In whatever order, and wherever there is no such place: each lands in its own, and nothing anywhere else.
+    #[test]
+    fn each_record_lands_in_its_robots_place() {
+        let robots = 3 * AHEAD;
+        let commands: Vec<RobotCommand> =
+            (0..robots).map(|n| RobotCommand { v_mps: n as f64, ..RobotCommand::default() }).collect();
+        let records: Vec<(usize, (usize, f64))> =
+            (0..robots + 2).rev().filter(|n| n % 5 != 2).map(|n| (n, (n + 100, 0.0))).collect();
+        let mut places = vec![(0, -1.0); robots];
+        spread(&records, &mut places, &commands, |place, command| place.1 = command.v_mps);
+        for (n, place) in places.into_iter().enumerate() {
+            assert_eq!(place, if n % 5 == 2 { (0, -1.0) } else { (n + 100, n as f64) });
+        }
+    }
+}
